@@ -1,0 +1,12 @@
+# One interface target carries how we compile, so that no folder sets flags of its own.
+add_library(scatter_options INTERFACE)
+target_compile_options(
+  scatter_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
+                            $<$<BOOL:${SCATTER_WARNINGS_AS_ERRORS}>:-Werror>)
+# Nothing here reads errno or floating-point traps; without them loops vectorise and stay IEEE-exact otherwise.
+target_compile_options(scatter_options INTERFACE -fno-math-errno -fno-trapping-math)
+if(SCATTER_SANITIZE)
+  target_compile_options(scatter_options INTERFACE -fsanitize=${SCATTER_SANITIZE} -fno-omit-frame-pointer
+                                                   -fno-sanitize-recover=all)
+  target_link_options(scatter_options INTERFACE -fsanitize=${SCATTER_SANITIZE})
+endif()

@@ -1,0 +1,7 @@
+#include <scatter/optics/version.hpp>
+
+namespace scatter {
+
+const char* version() { return SCATTER_VERSION; }
+
+} // namespace scatter
