@@ -45,7 +45,7 @@ constexpr Quantity angle{angle_units,   false, "an angle", "20deg", "deg, rad, a
                          "0:180:0.5deg"};
 
 [[noreturn]] void refuse(std::string_view text, const std::string& why) {
-  throw InputError(quoted(text) + " " + why);
+  throw InputError(quote(text) + " " + why);
 }
 
 /// The number at the front of the text, and what stands behind it.
@@ -76,7 +76,7 @@ const Unit& find_unit(std::string_view name, std::string_view whole, const Quant
   if (found != quantity.units.end()) return *found;
   if (name.empty())
     refuse(whole, "has no unit; " + should_be(quantity) + " (units: " + std::string(quantity.known) + ")");
-  refuse(whole, "ends with the unknown unit " + quoted(name) + "; units are " + std::string(quantity.known));
+  refuse(whole, "ends with the unknown unit " + quote(name) + "; units are " + std::string(quantity.known));
 }
 
 double in_base(double value, const Unit& unit, std::string_view whole, const Quantity& quantity) {
@@ -166,7 +166,7 @@ int parse_order(std::string_view item, std::string_view whole) {
 
 } // namespace
 
-std::string quoted(std::string_view text) {
+std::string quote(std::string_view text) {
   constexpr std::size_t most = 60;
   std::string shown(text.substr(0, most));
   if (text.size() > most) {
@@ -233,7 +233,7 @@ double parse_number(std::string_view text) {
   const std::string should = "write a plain number such as 1e-3";
   if (text.empty()) refuse(text, "is empty; " + should);
   const Number number = leading_number(text, text, should);
-  if (!number.rest.empty()) refuse(text, "has " + quoted(number.rest) + " after the number; " + should);
+  if (!number.rest.empty()) refuse(text, "has " + quote(number.rest) + " after the number; " + should);
   return number.value;
 }
 

@@ -14,7 +14,7 @@ inline constexpr double radians_per_degree = pi / 180;
 
 /// The text in double quotes as error messages show it: on one line, control characters as '?', cut at 60
 /// bytes.
-[[nodiscard]] std::string quoted(std::string_view text);
+[[nodiscard]] std::string quote(std::string_view text);
 
 /// "0.4mm", "650nm", "5um", "1e-3m" -> metres, the double nearest to the decimal number. A unit (m, cm, mm,
 /// um, nm, and um with a micro sign) is required; lengths are greater than zero.

@@ -213,7 +213,7 @@ TEST(Message, IsOneLineThatQuotesTheText) {
 TEST(Message, DoesNotCutACharacterInHalf) {
   std::string text;
   for (int i = 0; i < 50; ++i) text += "\xC2\xB5";
-  const std::string shown = scatter::quoted("x" + text);
+  const std::string shown = scatter::quote("x" + text);
   EXPECT_EQ(shown.substr(shown.size() - 6), "\xC2\xB5...\"");
 }
 

@@ -1,0 +1,218 @@
+// The program `scatter`: one verb per job. Exit 0: done; 1: failed while running; 2: wrong input. Every
+// failure is one line on standard error, `scatter VERB: what is wrong, where, and what would be right`.
+#include "verbs.hpp"
+#include <scatter/optics/errors.hpp>
+#include <scatter/optics/units.hpp>
+#include <scatter/optics/version.hpp>
+#include <scatter/table/files.hpp>
+
+#include <CLI/CLI.hpp>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <iostream>
+#include <new>
+#include <numeric>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace {
+
+constexpr int failed = 1;
+constexpr int wrong_input = 2;
+
+using AddVerb = void (*)(CLI::App&, scatter::app::Context&);
+constexpr AddVerb verbs[] = {
+#ifdef SCATTER_HAS_MIE
+    scatter::app::add_mie,
+#endif
+    scatter::app::add_phase,
+#ifdef SCATTER_HAS_VALIDATE
+    scatter::app::add_validate,
+#endif
+#ifdef SCATTER_HAS_INFO
+    scatter::app::add_info,
+#endif
+#ifdef SCATTER_HAS_PLOT
+    scatter::app::add_plot,
+#endif
+};
+
+/// Killed or stopped: no half file stays behind, and whoever waits for us sees the signal, as the convention
+/// wants.
+extern "C" void clean_up_and_die(int signal_number) {
+  scatter::table::remove_unfinished_files();
+  (void)std::signal(signal_number, SIG_DFL);
+  (void)::raise(signal_number); // delivered when this handler returns
+}
+
+void install_signal_handlers() {
+  for (const int signal_number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGXCPU}) {
+    struct sigaction now {};
+    // What the caller ignores stays ignored: that is how nohup works.
+    if (::sigaction(signal_number, nullptr, &now) == 0 && now.sa_handler == SIG_IGN) continue;
+    struct sigaction action {};
+    action.sa_handler = clean_up_and_die;
+    ::sigemptyset(&action.sa_mask);
+    ::sigaction(signal_number, &action, nullptr);
+  }
+  // A reader that goes away and a file that grows past its limit become errors of the write, and so one line,
+  // exit 1.
+  (void)std::signal(SIGPIPE, SIG_IGN);
+  (void)std::signal(SIGXFSZ, SIG_IGN);
+}
+
+/// The command as one would type it again, for the provenance of files.
+std::string command_line(int argc, char** argv) {
+  constexpr std::string_view harmless = "+,-./:=@_%";
+  std::string line = "scatter";
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view argument = argv[i];
+    const bool plain = !argument.empty() && std::ranges::all_of(argument, [&](unsigned char c) {
+      return c >= 0x80 || std::isalnum(c) != 0 || harmless.find(static_cast<char>(c)) != harmless.npos;
+    });
+    line += ' ';
+    if (plain) {
+      line += argument;
+      continue;
+    }
+    line += '\'';
+    for (const char c : argument) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    line += '\'';
+  }
+  return line;
+}
+
+/// How many letters must be inserted, deleted or replaced to turn one word into the other (Levenshtein).
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+/// "did you mean X?" when something known is near enough to be meant, and where to look otherwise.
+std::string advice(std::string_view word, const std::vector<std::string>& known, const std::string& help) {
+  if (!known.empty() && word.size() < 100) {
+    const auto nearest = std::ranges::min_element(
+        known, {}, [&](const std::string& name) { return edit_distance(word, name); });
+    if (edit_distance(word, *nearest) <= std::max<std::size_t>(2, nearest->size() / 2))
+      return "did you mean " + *nearest + "?";
+  }
+  return "see " + help;
+}
+
+/// What the command line's parser found wrong, in one line.
+std::string describe(const CLI::ParseError& error, const CLI::App& program) {
+  const auto used = program.get_subcommands();
+  const CLI::App& verb = used.empty() ? program : *used.front();
+  const std::string help = used.empty() ? "scatter --help" : "scatter " + verb.get_name() + " --help";
+
+  // A misspelt option often shows as a required one that is missing: the spelling is what to tell.
+  const std::vector<std::string> extras = program.remaining(true);
+  if (!extras.empty()) {
+    const auto dashed =
+        std::ranges::find_if(extras, [](const std::string& s) { return s.size() > 1 && s[0] == '-'; });
+    if (dashed != extras.end()) {
+      const std::string name = dashed->substr(0, dashed->find('='));
+      std::vector<std::string> known;
+      for (const CLI::Option* const option : verb.get_options())
+        for (const std::string& long_name : option->get_lnames()) known.push_back("--" + long_name);
+      return "unknown option " + scatter::quote(name) + "; " + advice(name, known, help);
+    }
+    if (used.empty()) {
+      std::vector<std::string> known;
+      for (const CLI::App* const subcommand : program.get_subcommands({}))
+        known.push_back(subcommand->get_name());
+      return "unknown verb " + scatter::quote(extras.front()) + "; " + advice(extras.front(), known, help);
+    }
+    return "unexpected argument " + scatter::quote(extras.front()) + "; see " + help;
+  }
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    const std::string_view message = error.what();
+    const std::string name(message.substr(0, message.find(':')));
+    if (const CLI::Option* const option = verb.get_option_no_throw(name))
+      return name + (option->count() > 1 ? " is given more than once" : " needs a value") + "; see " + help;
+  }
+  return std::string(error.what()) + "; see " + help;
+}
+
+int report(int code, const CLI::App& program, const std::string& message) {
+  const auto used = program.get_subcommands();
+  std::string line =
+      "scatter" + (used.empty() ? std::string() : " " + used.front()->get_name()) + ": " + message;
+  std::ranges::replace_if(
+      line, [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  (void)std::fprintf(stderr, "%s\n", line.c_str());
+  return code;
+}
+
+int run(CLI::App& program, int argc, char** argv) {
+  try {
+    program.parse(argc, argv);
+    if (program.get_subcommands().empty()) std::cout << program.help();
+  } catch (const CLI::Success& success) { // --help, --version
+    program.exit(success);
+  } catch (const CLI::ParseError& error) {
+    return report(wrong_input, program, describe(error, program));
+  } catch (const scatter::InputError& error) {
+    return report(wrong_input, program, error.what());
+  } catch (const std::bad_alloc&) {
+    return report(failed, program, "out of memory; ask for fewer angles, wavelengths or rays");
+  } catch (const std::exception& error) {
+    return report(failed, program, error.what());
+  }
+  // What was printed has arrived only now: a full disk or a reader gone shows here.
+  errno = 0;
+  std::cout.flush();
+  if (!std::cout || std::fflush(stdout) != 0 || ::close(STDOUT_FILENO) != 0) {
+    const std::string reason = errno != 0 ? std::string(": ") + std::strerror(errno) : std::string();
+    return report(failed, program, "cannot write standard output" + reason);
+  }
+  return 0;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  install_signal_handlers();
+  scatter::app::Context context;
+  context.command_line = command_line(argc, argv);
+
+  CLI::App program("Computes how raindrops scatter light.", "scatter");
+  program.set_version_flag("--version", std::string("scatter ") + scatter::version());
+  program.require_subcommand(0, 1);
+  program.footer(
+      "Quantities carry units (0.4mm, 650nm, 20deg); ranges are first:last:step, lists have commas.\n"
+      "Exit status: 0 done, 1 failed while running, 2 wrong input.");
+  for (const AddVerb add : verbs) add(program, context);
+
+  const auto logger = spdlog::stderr_color_mt("scatter");
+  logger->set_pattern("%H:%M:%S.%e %v");
+  logger->set_level(spdlog::level::off);
+  spdlog::set_default_logger(logger);
+  const auto be_verbose = [&](std::int64_t) {
+    context.verbose = true;
+    logger->set_level(spdlog::level::info);
+  };
+  program.add_flag_function("--verbose", be_verbose, "Log what is done to standard error");
+  for (CLI::App* const verb : program.get_subcommands({}))
+    verb->add_flag_function("--verbose", be_verbose, "Log what is done to standard error");
+
+  return run(program, argc, argv);
+}

@@ -1,0 +1,86 @@
+// scatter phase: the main job, a tabulated phase function of one drop.
+#include "phase_options.hpp"
+#include "verbs.hpp"
+#include <scatter/phase/job.hpp>
+#include <scatter/table/files.hpp>
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <memory>
+
+namespace scatter::app {
+namespace {
+
+/// A bar on standard error while it is a terminal, nothing otherwise.
+class ProgressBar {
+public:
+  ProgressBar() = default;
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+  ~ProgressBar() {
+    if (drawn_) fmt::print(stderr, "\r\x1b[K");
+  }
+
+  void operator()(double done) {
+    if (!terminal_) return;
+    const auto now = std::chrono::steady_clock::now();
+    if (drawn_ && now - last_ < std::chrono::milliseconds(100)) return;
+    last_ = now;
+    drawn_ = true;
+    constexpr int width = 40;
+    const int filled = static_cast<int>(done * width);
+    const double seconds = std::chrono::duration<double>(now - start_).count();
+    fmt::print(
+        stderr, "\r[{:=<{}}{: <{}}] {:3.0f} %  {:.0f} s\x1b[K", "", filled, "", width - filled, 100 * done,
+        seconds);
+    (void)std::fflush(stderr);
+  }
+
+private:
+  bool terminal_ = ::isatty(STDERR_FILENO) == 1;
+  bool drawn_ = false;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now(), last_{};
+};
+
+void compute(const PhaseJob& job) {
+  const phase::Plan plan = phase::plan(job.request);
+  spdlog::info("{}", plan.description);
+  if (job.explain) {
+    // Standard output may be where the table goes.
+    fmt::print(job.output_given && job.output == "-" ? stderr : stdout, "{}\n", plan.description);
+    if (!job.output_given) return;
+  }
+  const std::unique_ptr<table::Sink> sink =
+      job.output == "none" ? std::make_unique<table::NullSink>()
+                           : table::make_file_sink(job.output, plan.header, job.file_options);
+  const auto start = std::chrono::steady_clock::now();
+  {
+    ProgressBar bar;
+    phase::run(plan, *sink, [&bar](double done) { bar(done); });
+  }
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  spdlog::info(
+      "{} wavelengths x {} theta x {} phi in {:.2f} s, written to {}", plan.header.wavelength_m.size(),
+      plan.header.theta_deg.size(), plan.header.phi_deg.size(), seconds, job.output);
+}
+
+} // namespace
+
+void add_phase(CLI::App& app, Context& context) {
+  CLI::App* const verb = app.add_subcommand("phase", "Tabulate the phase function of a raindrop");
+  verb->footer(
+      "Example: scatter phase --radius 0.5mm --sun 20deg --wavelengths 400:700:50nm --output drop.nc");
+  const auto options = std::make_shared<PhaseOptions>();
+  options->add_to(*verb);
+  verb->callback([options, &context] {
+    PhaseJob job = options->job();
+    job.request.command = context.command_line;
+    compute(job);
+  });
+}
+
+} // namespace scatter::app
