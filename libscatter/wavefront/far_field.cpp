@@ -1,0 +1,786 @@
+#include <scatter/wavefront/far_field.hpp>
+
+#include <scatter/compute/opencl.hpp>
+#include <scatter/optics/errors.hpp>
+#include <scatter/optics/units.hpp>
+#include <scatter/wavefront/direction_tree.hpp>
+#include <scatter/wavefront/ray_grid.hpp>
+
+#include <embedded/kernel_far_field.hpp>
+#include <embedded/kernel_mueller.hpp>
+#include <embedded/kernel_tile.hpp>
+#include <embedded/kernel_trace.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace scatter::wavefront {
+
+namespace {
+
+using compute::guarded;
+using compute::OpenCL;
+using compute::with_arguments;
+
+constexpr int ray_lanes = 16;
+constexpr int tile_padded = ((tile_cells + 1) * (tile_cells + 1) + ray_lanes - 1) / ray_lanes * ray_lanes;
+constexpr std::size_t scratch_doubles = (21 + 7 + 8) * static_cast<std::size_t>(tile_padded);
+constexpr int traced_fields = 14;
+/// Sums of one pass are kept below this, so that every machine cuts the work alike.
+constexpr double most_bytes_of_slices = 2e9;
+
+/// Layout of job_t in kernels/tile.cl.
+struct Job {
+  double n, k, wave, attenuation, origin, step;
+  double row_origin = 0, rows_per_radian = 1, column_origin = 0, columns_per_radian = 1;
+  double row_margin = 1e-6, column_margin = 1e-6;
+  int rays, last_order, rows = 0, columns = 0, focal_lines, interior_steps, rim_steps, unused = 0;
+};
+static_assert(sizeof(Job) == 128);
+
+struct Candidate {
+  int order, direction, mirror, unused;
+};
+struct Edge {
+  double theta, sigma;
+};
+
+/// Sine and cosine of an angle in degrees, exact at multiples of 90.
+double sin_deg(double degrees) {
+  const double turns = std::remainder(degrees, 360.0);
+  if (turns == 180 || turns == -180 || turns == 0) return 0;
+  if (turns == 90) return 1;
+  if (turns == -90) return -1;
+  return std::sin(turns * radians_per_degree);
+}
+double cos_deg(double degrees) {
+  const double turns = std::abs(std::remainder(degrees, 360.0));
+  if (turns == 90) return 0;
+  if (turns == 180) return -1;
+  return std::cos(turns * radians_per_degree);
+}
+
+/// Spacing of an even grid, or 0 for any other list.
+double even_spacing(const std::vector<double>& values) {
+  if (values.size() < 2) return 1;
+  const double step = (values.back() - values.front()) / static_cast<double>(values.size() - 1);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (std::abs(values[i] - (values.front() + static_cast<double>(i) * step)) > 1e-6 * step) return 0;
+  return step;
+}
+
+/// How wanted directions come out of computed ones: azimuths folded into [0, 180] by the mirror plane (all into one
+/// for an axisymmetric drop), scattering angles surrounded by what filters need.
+struct Layout {
+  std::vector<double> theta_deg, phi_deg;     ///< computed rows and columns
+  std::vector<int> row_of;                    ///< per wanted theta
+  std::vector<int> source_column;             ///< per wanted phi; ~column for its mirror image
+  std::vector<int> segment_first, segment_end; ///< per row: the evenly spaced stretch that it belongs to
+  std::vector<double> spacing_deg;            ///< per row
+  bool raster = false;
+};
+
+Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetric, int last_order) {
+  Layout layout;
+  if (axisymmetric) {
+    layout.phi_deg = {0.0};
+    layout.source_column.assign(wanted.phi_deg.size(), 0);
+  } else {
+    // Folded values that agree to 1e-9 deg are one column.
+    std::vector<double> folded;
+    for (const double phi : wanted.phi_deg) folded.push_back(std::abs(std::remainder(phi, 360.0)));
+    layout.phi_deg = folded;
+    std::sort(layout.phi_deg.begin(), layout.phi_deg.end());
+    layout.phi_deg.erase(
+        std::unique(layout.phi_deg.begin(), layout.phi_deg.end(), [](double a, double b) { return b - a < 1e-9; }),
+        layout.phi_deg.end());
+    for (std::size_t f = 0; f < folded.size(); ++f) {
+      const auto at = std::lower_bound(layout.phi_deg.begin(), layout.phi_deg.end(), folded[f] - 1e-9);
+      const int column = static_cast<int>(at - layout.phi_deg.begin());
+      layout.source_column.push_back(std::remainder(wanted.phi_deg[f], 360.0) < 0 ? ~column : column);
+    }
+  }
+
+  // Filters need even neighbours: a dense even grid has them, any other angle gets a stretch of its own.
+  const double widest = std::max(wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4, wanted.sun_disc_deg / 2);
+  const double narrowest = std::min(
+      wanted.filter_sigma_deg > 0 ? wanted.filter_sigma_deg / 8 : 1e9,
+      wanted.sun_disc_deg > 0 ? wanted.sun_disc_deg / 16 : 1e9);
+  const double reach = widest > 0 ? wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4 + wanted.sun_disc_deg / 2 : 0;
+  const double step = even_spacing(wanted.theta_deg);
+  const auto add_stretch = [&](double first, double spacing, int count) {
+    const int begin = static_cast<int>(layout.theta_deg.size());
+    for (int i = 0; i < count; ++i) {
+      layout.theta_deg.push_back(first + i * spacing);
+      layout.spacing_deg.push_back(spacing);
+      layout.segment_first.push_back(begin);
+      layout.segment_end.push_back(begin + count);
+    }
+    return begin;
+  };
+  if (reach == 0) {
+    layout.theta_deg = wanted.theta_deg;
+    const int rows = static_cast<int>(wanted.theta_deg.size());
+    layout.spacing_deg.assign(wanted.theta_deg.size(), step > 0 ? step : 1);
+    layout.segment_first.assign(wanted.theta_deg.size(), 0);
+    layout.segment_end.assign(wanted.theta_deg.size(), rows);
+    layout.row_of.resize(wanted.theta_deg.size());
+    std::iota(layout.row_of.begin(), layout.row_of.end(), 0);
+  } else if (wanted.theta_deg.size() > 1 && step > 0 && step <= 4 * narrowest) {
+    // One stretch, refined by a whole number so that wanted angles stay on it, and continued on both sides.
+    const int refine = std::max(1, static_cast<int>(std::ceil(step / narrowest - 1e-9)));
+    const double fine = step / refine;
+    const double first = wanted.theta_deg.front(), last = wanted.theta_deg.back();
+    const int before = static_cast<int>(std::min(std::ceil(reach / fine), std::floor(first / fine + 1e-9)));
+    const int after = static_cast<int>(std::min(std::ceil(reach / fine), std::floor((180 - last) / fine + 1e-9)));
+    const int inside = refine * static_cast<int>(wanted.theta_deg.size() - 1) + 1;
+    add_stretch(first - before * fine, fine, before + inside + after);
+    // Wanted angles exactly as given, not as sums of steps.
+    for (std::size_t t = 0; t < wanted.theta_deg.size(); ++t) {
+      layout.row_of.push_back(before + refine * static_cast<int>(t));
+      layout.theta_deg[layout.row_of.back()] = wanted.theta_deg[t];
+    }
+    for (double& theta : layout.theta_deg) theta = std::clamp(theta, 0.0, 180.0);
+  } else {
+    const double fine = narrowest;
+    for (const double theta : wanted.theta_deg) {
+      const int before = static_cast<int>(std::min(std::ceil(reach / fine), std::floor(theta / fine)));
+      const int after = static_cast<int>(std::min(std::ceil(reach / fine), std::floor((180 - theta) / fine)));
+      const int begin = add_stretch(theta - before * fine, fine, before + 1 + after);
+      layout.row_of.push_back(begin + before);
+      layout.theta_deg[layout.row_of.back()] = theta;
+    }
+  }
+  const bool even = even_spacing(layout.theta_deg) > 0 && even_spacing(layout.phi_deg) > 0;
+  if (tracing.search == Search::raster && !even)
+    throw InputError("--search raster needs evenly spaced angles in theta and phi; use --search tree or an even range");
+  layout.raster = tracing.search == Search::raster || (tracing.search == Search::automatic && even);
+  return layout;
+}
+
+} // namespace
+
+struct Tracer::Implementation {
+  Tracing tracing;
+  compute::Device device;
+  SurfaceParameters surface;
+  bool axisymmetric = false;
+  double area = 0; ///< of the shadow, units of a^2
+  std::vector<Tile> tiles;
+  cl::Program coherent, incoherent;
+  cl::Buffer surface_buffer, tile_buffer;
+  std::string build_options;
+
+  Implementation(const Tracing& request, const compute::Device& on) : tracing(request), device(on) {
+    if (tracing.rays < 2 || tracing.rays > 20000)
+      throw InputError("--rays " + std::to_string(tracing.rays) + ": the grid needs 2 to 20000 rays across");
+    if (tracing.orders.empty() || tracing.orders.front() < 0)
+      throw InputError("--orders: at least one order p >= 0 is needed, e.g. 0..3");
+    surface = surface_parameters(tracing.shape, tracing.sun_elevation_deg);
+    axisymmetric = tracing.shape.is_sphere() || std::abs(tracing.sun_elevation_deg - 90) < 1e-9;
+    area = wavefront::shadow_area(tracing.shape, tracing.sun_elevation_deg);
+    const GridPart part = axisymmetric             ? GridPart::centre_line
+                          : tracing.rays % 2 == 0 ? GridPart::half
+                                                  : GridPart::whole;
+    tiles = make_tiles(tracing.rays, surface.largest_radius, surface.smallest_radius, part);
+    build_options = "-cl-std=CL1.2 -DTILE=" + std::to_string(tile_cells);
+    if (tracing.shape.kind == drop::Shape::Kind::spheroid) build_options += " -DSURFACE_SPHEROID";
+    else build_options += " -DSURFACE_DEGREE=" + std::to_string(tracing.shape.polynomial().size() - 1);
+    guarded([&] {
+      surface_buffer = cl().upload(surface.values);
+      tile_buffer = cl().upload(tiles);
+    });
+  }
+
+  [[nodiscard]] OpenCL& cl() const { return device.opencl(); }
+  [[nodiscard]] int last_order() const { return tracing.orders.back(); }
+  [[nodiscard]] int accumulator() const { return tracing.interference ? 8 : 16; }
+
+  /// The kernels for this light; ABSORBING and INTENSITIES are compiled in.
+  cl::Program& program(const Light& light) {
+    using namespace embedded;
+    std::string options = build_options;
+    if (light.index.imag() > 0) options += " -DABSORBING";
+    if (!tracing.interference) options += " -DINTENSITIES";
+    const std::string_view sources[] = {kernel_trace, kernel_mueller, kernel_tile, kernel_far_field};
+    return cl().program(sources, options);
+  }
+
+  [[nodiscard]] Job make_job(const Light& light, int rays, int order) const {
+    Job job{};
+    job.n = light.index.real();
+    job.k = light.index.imag();
+    job.wave = 2 * tracing.shape.radius_m / light.wavelength_m;
+    job.attenuation = pi * job.wave * job.k;
+    job.step = 2 * surface.largest_radius / rays;
+    job.origin = -surface.largest_radius + 0.5 * job.step;
+    job.rays = rays;
+    job.last_order = order;
+    job.focal_lines = tracing.focal_lines == FocalLines::rule;
+    // Newton's steps from the hull: measured so that no interior ray stays above 1e-9 before its last step.
+    job.interior_steps = surface.hull_margin < 1e-9 ? 3 : surface.hull_margin < 0.02 ? 5 : 7;
+    job.rim_steps = 24;
+    return job;
+  }
+  static cl::Buffer job_buffer(OpenCL& opencl, const Job& job) { return opencl.upload(std::span<const Job>(&job, 1)); }
+
+  /// A wavelength on its way.
+  struct Pass {
+    Job job;
+    cl::Buffer job_data, energy;
+    std::vector<cl::Buffer> sums, scratch; ///< per slice
+  };
+
+  /// Directions of a block of columns on the device.
+  struct Block {
+    int first = 0, end = 0;
+    cl::Buffer sin_theta, cos_theta, cos_phi, sin_phi;
+  };
+
+  struct Cut {
+    int slices = 1;       ///< of the tiles, each with sums of its own
+    int columns = 1;      ///< per block
+    int at_once = 1;      ///< wavelengths in flight
+    double bytes_per_slice = 0;
+  };
+
+  /// How a job is cut. Slices and blocks decide the order of additions and depend on the job alone; how many
+  /// wavelengths run at once depends on the machine and changes no bit.
+  [[nodiscard]] Cut cut(std::size_t lights, const Layout& layout) const {
+    Cut c;
+    const double per_column = static_cast<double>(layout.theta_deg.size()) * accumulator() * sizeof(double);
+    const int columns = static_cast<int>(layout.phi_deg.size());
+    c.columns = std::clamp(static_cast<int>(1e9 / per_column), 1, columns);
+    c.bytes_per_slice = per_column * c.columns;
+    if (layout.raster) {
+      c.slices = std::clamp(8 / static_cast<int>(std::min<std::size_t>(lights, 8)), 1, 8);
+      while (c.slices > 1 && c.slices * c.bytes_per_slice > most_bytes_of_slices) --c.slices;
+      c.at_once = std::max(1, static_cast<int>(device.info().compute_units) / c.slices);
+      c.at_once = static_cast<int>(std::min<std::size_t>(c.at_once, lights));
+      const double budget = 0.8 * static_cast<double>(std::min(
+                                      compute::available_memory(), device.info().memory_bytes));
+      while (c.at_once > 1 && c.at_once * c.slices * c.bytes_per_slice > budget) --c.at_once;
+    }
+    return c;
+  }
+
+  [[nodiscard]] double memory(std::size_t lights, const Wanted& wanted) const {
+    const Layout layout = make_layout(wanted, tracing, axisymmetric, last_order());
+    const Cut c = cut(lights, layout);
+    const double values = static_cast<double>(wanted.theta_deg.size()) * static_cast<double>(wanted.phi_deg.size());
+    const double elements = (wanted.matrix ? 17.0 : 1.0) + (wanted.amplitudes ? 8.0 : 0.0) +
+                            (wanted.per_order ? 8.0 * static_cast<double>(tracing.orders.size()) : 0.0);
+    // Sums in flight; then one wavelength's columns (twice while filters run), unfolded, and the same on the host.
+    const double columns = static_cast<double>(layout.theta_deg.size()) * c.columns * (wanted.matrix ? 16.0 : 8.0) * 2;
+    const double scratch = static_cast<double>(scratch_doubles) * std::max(c.at_once * c.slices, 1) * sizeof(double);
+    return c.at_once * c.slices * c.bytes_per_slice + scratch + sizeof(double) * (2 * values * elements + columns) + 2e8;
+  }
+
+  Block make_block(const Layout& layout, int first, int end) {
+    Block block;
+    block.first = first;
+    block.end = end;
+    std::vector<double> st, ct, cp, sp;
+    for (const double theta : layout.theta_deg) {
+      st.push_back(sin_deg(theta));
+      ct.push_back(cos_deg(theta));
+    }
+    // A zero vector lies in no patch: lanes beyond the last row.
+    st.resize(st.size() + 8, 0.0);
+    ct.resize(ct.size() + 8, 0.0);
+    for (int column = first; column < end; ++column) {
+      cp.push_back(cos_deg(layout.phi_deg[column]));
+      sp.push_back(sin_deg(layout.phi_deg[column]));
+    }
+    block.sin_theta = cl().upload(st);
+    block.cos_theta = cl().upload(ct);
+    block.cos_phi = cl().upload(cp);
+    block.sin_phi = cl().upload(sp);
+    return block;
+  }
+
+  /// Traces a batch of wavelengths into sums[slice 0], rastering orders where wanted[p] is set.
+  void raster(std::span<const Light> lights, const Layout& layout, const Block& block, const Cut& c,
+              const std::vector<int>& order_wanted, std::vector<Pass>& passes) {
+    const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.end - block.first;
+    const cl::Buffer wanted = cl().upload(order_wanted);
+    std::vector<cl::CommandQueue> queues;
+    for (std::size_t w = 0; w < lights.size(); ++w) {
+      Pass& pass = passes[w];
+      pass.job = make_job(lights[w], tracing.rays, last_order());
+      Job& job = pass.job;
+      job.rows = rows;
+      job.columns = columns;
+      job.row_origin = layout.theta_deg.front() * radians_per_degree;
+      job.column_origin = layout.phi_deg[block.first] * radians_per_degree;
+      job.rows_per_radian = rows > 1 ? 1 / (even_spacing(layout.theta_deg) * radians_per_degree) : 1;
+      job.columns_per_radian = layout.phi_deg.size() > 1 ? 1 / (even_spacing(layout.phi_deg) * radians_per_degree) : 1;
+      // The quick angles are good to 2e-8 rad, the even grid to 1e-6 of its step.
+      job.row_margin = 1e-7 * job.rows_per_radian + 3e-6;
+      job.column_margin = 1e-7 * job.columns_per_radian + 3e-6;
+      pass.job_data = job_buffer(cl(), job);
+      pass.energy = cl().allocate<double>(tiles.size() * (last_order() + 1));
+      pass.sums.resize(c.slices);
+      pass.scratch.resize(c.slices);
+      const std::size_t per_column = static_cast<std::size_t>(rows) * accumulator();
+      for (int s = 0; s < c.slices; ++s) {
+        if (pass.sums[s]() == nullptr) {
+          pass.sums[s] = cl().allocate<double>(static_cast<std::size_t>(rows) * c.columns * accumulator());
+          pass.scratch[s] = cl().allocate<double>(scratch_doubles);
+        }
+        cl().queue.enqueueNDRangeKernel(
+            with_arguments(cl::Kernel(program(lights[w]), "clear_sums"), pass.sums[s], static_cast<cl_ulong>(per_column)),
+            cl::NullRange, cl::NDRange(columns), cl::NDRange(1));
+      }
+    }
+    cl().queue.finish();
+    for (std::size_t w = 0; w < lights.size(); ++w)
+      for (int s = 0; s < c.slices; ++s) {
+        Pass& pass = passes[w];
+        const auto share = [&](int slice) { return static_cast<int>(tiles.size() * slice / c.slices); };
+        queues.emplace_back(cl().context, cl().device);
+        queues.back().enqueueNDRangeKernel(
+            with_arguments(
+                cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer, share(s),
+                share(s + 1), wanted, block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi, pass.scratch[s],
+                pass.sums[s], pass.energy),
+            cl::NullRange, cl::NDRange(1), cl::NDRange(1));
+        queues.back().flush();
+      }
+    for (cl::CommandQueue& queue : queues) queue.finish();
+    for (std::size_t w = 0; w < lights.size(); ++w)
+      for (int s = 1; s < c.slices; ++s)
+        cl().queue.enqueueNDRangeKernel(
+            with_arguments(
+                cl::Kernel(program(lights[w]), "add_sums"), passes[w].sums[0], passes[w].sums[s],
+                static_cast<cl_ulong>(rows) * accumulator()),
+            cl::NullRange, cl::NDRange(columns), cl::NDRange(1));
+    cl().queue.finish();
+  }
+
+  /// The same sums by asking an Embree tree which tiles may hold each direction, and tracing those again.
+  void search(const Light& light, const Layout& layout, const Block& block, const std::vector<int>& order_wanted,
+              Pass& pass) {
+    const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.end - block.first;
+    const int orders = last_order() + 1;
+    const unsigned workers = device.info().compute_units;
+    pass.job = make_job(light, tracing.rays, last_order());
+    pass.job.row_margin = pass.job.column_margin = 1e-7;
+    pass.job_data = job_buffer(cl(), pass.job);
+    pass.energy = cl().allocate<double>(tiles.size() * orders);
+    pass.scratch = {cl().allocate<double>(scratch_doubles * workers)};
+    const cl::Buffer boxes_data = cl().allocate<double>(tiles.size() * orders * 6);
+    cl().queue.enqueueNDRangeKernel(
+        with_arguments(
+            cl::Kernel(program(light), "bound_tiles"), surface_buffer, pass.job_data, tile_buffer,
+            static_cast<int>(tiles.size()), pass.scratch[0], boxes_data, pass.energy),
+        cl::NullRange, cl::NDRange(workers), cl::NDRange(1));
+    std::vector<DirectionBox> boxes(tiles.size() * orders);
+    cl().download(boxes_data, std::span<DirectionBox>(boxes));
+    const DirectionTree tree(boxes);
+
+    const std::size_t count = static_cast<std::size_t>(rows) * columns;
+    std::vector<double> sums(count * accumulator(), 0.0);
+    std::vector<double> directions;
+    std::vector<std::vector<Candidate>> of_tile(tiles.size());
+    std::size_t pending = 0;
+    std::vector<int> found;
+    const auto flush = [&] {
+      std::vector<Tile> hit_tiles;
+      std::vector<int> first{0};
+      std::vector<Candidate> candidates;
+      for (std::size_t t = 0; t < tiles.size(); ++t) {
+        if (of_tile[t].empty()) continue;
+        std::stable_sort(of_tile[t].begin(), of_tile[t].end(), [](const Candidate& a, const Candidate& b) {
+          return a.order < b.order;
+        });
+        hit_tiles.push_back(tiles[t]);
+        candidates.insert(candidates.end(), of_tile[t].begin(), of_tile[t].end());
+        first.push_back(static_cast<int>(candidates.size()));
+        of_tile[t].clear();
+      }
+      pending = 0;
+      if (candidates.empty()) return;
+      const cl::Buffer out_data = cl().allocate<double>(candidates.size() * accumulator());
+      const cl::Buffer tile_data = cl().upload(hit_tiles), first_data = cl().upload(first);
+      const cl::Buffer candidate_data = cl().upload(candidates), direction_data = cl().upload(directions);
+      cl().queue.enqueueNDRangeKernel(
+          with_arguments(
+              cl::Kernel(program(light), "evaluate_candidates"), surface_buffer, pass.job_data, tile_data, first_data,
+              static_cast<int>(hit_tiles.size()), candidate_data, direction_data, pass.scratch[0], out_data),
+          cl::NullRange, cl::NDRange(workers), cl::NDRange(1));
+      std::vector<double> out(candidates.size() * accumulator());
+      cl().download(out_data, std::span<double>(out));
+      for (std::size_t i = 0; i < candidates.size(); ++i)
+        for (int e = 0; e < accumulator(); ++e)
+          sums[static_cast<std::size_t>(candidates[i].direction) * accumulator() + e] += out[i * accumulator() + e];
+    };
+    for (int column = 0; column < columns; ++column) {
+      const double phi = layout.phi_deg[block.first + column], cp = cos_deg(phi), sp = sin_deg(phi);
+      for (int row = 0; row < rows; ++row) {
+        const double theta = layout.theta_deg[row], st = sin_deg(theta), ct = cos_deg(theta);
+        const int direction = column * rows + row;
+        directions.insert(directions.end(), {theta * radians_per_degree, phi * radians_per_degree, st, ct, cp, sp});
+        for (const int mirror : {1, -1}) {
+          tree.find({st * cp, mirror * st * sp, ct}, found);
+          for (const int box : found) {
+            const int tile = box / orders, order = box % orders;
+            if (order_wanted[order] == 0 || (mirror < 0 && (tiles[tile].flags & tile_direct) != 0)) continue;
+            of_tile[tile].push_back({order, direction, mirror, 0});
+            ++pending;
+          }
+        }
+      }
+      if (pending > 2'000'000) flush();
+    }
+    flush();
+    pass.sums = {cl().upload(sums)};
+  }
+
+  /// Share of the energy that meets the drop, per order, and scattering over extinction.
+  void energies(const Light& light, const Pass& pass, const std::vector<int>& order_wanted, FarField& field) {
+    const int orders = last_order() + 1;
+    std::vector<double> by_order(orders, 0.0);
+    if (axisymmetric) {
+      by_order = energy_by_quadrature(light, last_order());
+    } else {
+      std::vector<double> energy(tiles.size() * orders);
+      cl().download(pass.energy, std::span<double>(energy));
+      for (std::size_t t = 0; t < tiles.size(); ++t)
+        for (int p = 0; p < orders; ++p) by_order[p] += (tiles[t].flags & tile_direct ? 1 : 2) * energy[t * orders + p];
+    }
+    for (int p = 0; p < orders; ++p)
+      if (order_wanted[p] != 0) field.order_energy.push_back(by_order[p] / area);
+    const double shadow = area * tracing.shape.radius_m * tracing.shape.radius_m;
+    field.extinction_cross_section = 2 * shadow;
+    field.scattering_cross_section = shadow * (1 + scattered_share(light));
+  }
+
+  /// Order energies in units of a^2 of an axisymmetric drop, from rays along one radius: Gauss-Legendre would not see
+  /// the rim's square-root singularity, a midpoint rule in the angle of incidence does.
+  std::vector<double> energy_by_quadrature(const Light& light, int last) {
+    constexpr int samples = 4096;
+    std::vector<double> u(samples), v(samples, 0.0), by_order(last + 1, 0.0);
+    const double rim = shadow_radius();
+    for (int i = 0; i < samples; ++i) u[i] = rim * std::sin(0.5 * pi * (i + 0.5) / samples);
+    const auto rays = trace(light, u, v, last);
+    for (int i = 0; i < samples; ++i) {
+      const double angle = 0.5 * pi * (i + 0.5) / samples;
+      const double ring = 2 * pi * rim * rim * std::sin(angle) * std::cos(angle) * (0.5 * pi / samples);
+      for (int p = 0; p <= last; ++p)
+        if (const Amplitude& j = rays[i][p].jones; rays[i][p].valid)
+          by_order[p] += ring * 0.5 * (std::norm(j.S1) + std::norm(j.S2) + std::norm(j.S3) + std::norm(j.S4));
+    }
+    return by_order;
+  }
+  [[nodiscard]] double shadow_radius() const { return std::sqrt(area / pi); }
+
+  /// Scattered share of the energy that meets the drop, all orders: 1 without absorption.
+  double scattered_share(const Light& light) {
+    if (light.index.imag() == 0) return 1;
+    constexpr int last = 40, coarse = 256;
+    if (axisymmetric) {
+      const auto by_order = energy_by_quadrature(light, last);
+      return std::accumulate(by_order.begin(), by_order.end(), 0.0) / area;
+    }
+    // Coarse tracing over all orders that matter; referred to what the same rays bring, so that the rim cancels.
+    const auto share = [&](const Light& of) {
+      const std::vector<Tile> coarse_tiles =
+          make_tiles(coarse, surface.largest_radius, surface.smallest_radius, GridPart::half);
+      const unsigned workers = device.info().compute_units;
+      const cl::Buffer job = job_buffer(cl(), make_job(of, coarse, last));
+      const cl::Buffer tile_data = cl().upload(coarse_tiles), scratch = cl().allocate<double>(scratch_doubles * workers);
+      const cl::Buffer boxes = cl().allocate<double>(coarse_tiles.size() * (last + 1) * 6);
+      const cl::Buffer energy_data = cl().allocate<double>(coarse_tiles.size() * (last + 1));
+      cl().queue.enqueueNDRangeKernel(
+          with_arguments(
+              cl::Kernel(program(of), "bound_tiles"), surface_buffer, job, tile_data,
+              static_cast<int>(coarse_tiles.size()), scratch, boxes, energy_data),
+          cl::NullRange, cl::NDRange(workers), cl::NDRange(1));
+      std::vector<double> energy(coarse_tiles.size() * (last + 1));
+      cl().download(energy_data, std::span<double>(energy));
+      double total = 0;
+      for (std::size_t t = 0; t < coarse_tiles.size(); ++t)
+        for (int p = 0; p <= last; ++p)
+          total += (coarse_tiles[t].flags & tile_direct ? 1 : 2) * energy[t * (last + 1) + p];
+      return total;
+    };
+    Light transparent = light;
+    transparent.index = light.index.real();
+    return share(light) / share(transparent);
+  }
+
+  std::vector<std::vector<TracedRay>> trace(
+      const Light& light, std::span<const double> u, std::span<const double> v, int last) {
+    const int count = static_cast<int>((u.size() + ray_lanes - 1) / ray_lanes * ray_lanes);
+    std::vector<double> padded_u(u.begin(), u.end()), padded_v(v.begin(), v.end());
+    padded_u.resize(count, 0.0);
+    padded_v.resize(count, 0.0);
+    const cl::Buffer job = job_buffer(cl(), make_job(light, tracing.rays, last));
+    const cl::Buffer u_data = cl().upload(padded_u), v_data = cl().upload(padded_v);
+    const cl::Buffer out_data = cl().allocate<double>(static_cast<std::size_t>(last + 1) * traced_fields * count);
+    cl().queue.enqueueNDRangeKernel(
+        with_arguments(
+            cl::Kernel(program(light), "trace_rays"), surface_buffer, job, u_data, v_data, count, out_data),
+        cl::NullRange, cl::NDRange(device.info().compute_units), cl::NDRange(1));
+    std::vector<double> out(static_cast<std::size_t>(last + 1) * traced_fields * count);
+    cl().download(out_data, std::span<double>(out));
+    std::vector<std::vector<TracedRay>> rays(u.size(), std::vector<TracedRay>(last + 1));
+    for (std::size_t i = 0; i < u.size(); ++i)
+      for (int p = 0; p <= last; ++p) {
+        const auto field = [&](int f) { return out[(static_cast<std::size_t>(p) * traced_fields + f) * count + i]; };
+        TracedRay& ray = rays[i][p];
+        ray.valid = field(0) > 0.5;
+        ray.direction = {field(1), field(2), field(3)};
+        ray.path = field(4);
+        ray.axis_crossings = static_cast<int>(field(5));
+        const auto element = [&](int e) { return std::complex<double>(field(6 + e), field(10 + e)); };
+        const double h = field(3) < 0 ? -1 : 1, rho = std::hypot(field(1), field(2));
+        const double c = rho > 0 ? field(1) / rho : 1, s = rho > 0 ? field(2) / rho : 0;
+        const auto along_theta = [&](int x) { return h * c * element(x) + s * element(x + 1); };
+        const auto along_phi = [&](int x) { return h * c * element(x + 1) - s * element(x); };
+        ray.jones.S2 = c * along_theta(0) + s * along_theta(2);
+        ray.jones.S3 = s * along_theta(0) - c * along_theta(2);
+        ray.jones.S4 = -(c * along_phi(0) + s * along_phi(2));
+        ray.jones.S1 = -(s * along_phi(0) - c * along_phi(2));
+      }
+    return rays;
+  }
+
+  std::vector<std::array<double, 2>> bow_curve(const Light& light, int order) {
+    constexpr int azimuths = 181, samples = 1024;
+    const int used = axisymmetric ? 1 : azimuths;
+    std::vector<double> u, v;
+    for (int a = 0; a < used; ++a)
+      for (int i = 0; i < samples; ++i) {
+        const double b = surface.largest_radius * std::sin(0.5 * pi * (i + 0.5) / samples);
+        u.push_back(b * cos_deg(a));
+        v.push_back(b * sin_deg(a));
+      }
+    const auto rays = trace(light, u, v, order);
+    std::vector<std::array<double, 2>> curve;
+    for (int a = 0; a < used; ++a) {
+      // The deflection, counted positive towards the axis and followed continuously along the radius.
+      double before = 0, middle = 0, last = 0;
+      int known = 0;
+      for (int i = 0; i < samples; ++i) {
+        const TracedRay& ray = rays[static_cast<std::size_t>(a) * samples + i][order];
+        if (!ray.valid) {
+          known = 0;
+          continue;
+        }
+        const double inward = -(ray.direction[0] * cos_deg(a) + ray.direction[1] * sin_deg(a));
+        const double across = std::hypot(ray.direction[0], ray.direction[1]);
+        double deflection = std::atan2(std::copysign(across, inward), ray.direction[2]);
+        if (known > 0) deflection = last + std::remainder(deflection - last, 2 * pi);
+        before = middle;
+        middle = last;
+        last = deflection;
+        if (++known >= 3 && (middle - before) * (last - middle) < 0) {
+          // Vertex of the parabola through the three samples, which are even in the angle of incidence.
+          const double curvature = before - 2 * middle + last, slope = 0.5 * (last - before);
+          const double vertex = middle - 0.5 * slope * slope / curvature;
+          const TracedRay& at = rays[static_cast<std::size_t>(a) * samples + i - 1][order];
+          curve.push_back(
+              {std::abs(std::remainder(vertex, 2 * pi)) / radians_per_degree,
+               std::abs(std::atan2(at.direction[1], at.direction[0])) / radians_per_degree});
+        }
+      }
+    }
+    return curve;
+  }
+
+  /// Edges per column for the Gaussian filter: where a bow's curve crosses the column.
+  cl::Buffer make_edges(const Light& light, const Layout& layout, const Block& block, const Wanted& wanted, int* per_column) {
+    const int columns = block.end - block.first;
+    std::vector<std::vector<Edge>> found(columns);
+    for (const int order : tracing.orders) {
+      if (order < 2) continue;
+      const double sigma = wanted.filter_sigma_deg * (order - 1);
+      const auto curve = bow_curve(light, order);
+      for (int column = 0; column < columns; ++column) {
+        const double phi = layout.phi_deg[block.first + column];
+        if (axisymmetric) {
+          for (const auto& point : curve) found[column].push_back({point[0], sigma});
+          continue;
+        }
+        for (std::size_t i = 0; i + 1 < curve.size(); ++i) {
+          const auto& [theta0, phi0] = curve[i];
+          const auto& [theta1, phi1] = curve[i + 1];
+          if (std::abs(theta1 - theta0) > 5 || std::abs(phi1 - phi0) > 20) continue; // another bow
+          if ((phi0 - phi) * (phi1 - phi) > 0) continue;
+          const double f = phi1 == phi0 ? 0 : (phi - phi0) / (phi1 - phi0);
+          found[column].push_back({theta0 + f * (theta1 - theta0), sigma});
+        }
+      }
+    }
+    std::size_t most = 1;
+    for (const auto& edges : found) most = std::max(most, edges.size());
+    std::vector<Edge> flat;
+    for (auto& edges : found) {
+      edges.resize(most, {0, 0});
+      flat.insert(flat.end(), edges.begin(), edges.end());
+    }
+    *per_column = static_cast<int>(most);
+    return cl().upload(flat);
+  }
+
+  void far_field(std::span<const Light> lights, const Wanted& wanted,
+                 const std::function<void(std::size_t, FarField&&)>& done) {
+    if (!tracing.interference && (wanted.amplitudes || wanted.per_order))
+      throw InputError("--amplitudes and --per-order need interference: drop --no-interference");
+    const Layout layout = make_layout(wanted, tracing, axisymmetric, last_order());
+    const Cut c = cut(lights.size(), layout);
+    const int rows = static_cast<int>(layout.theta_deg.size()), columns = static_cast<int>(layout.phi_deg.size());
+    const int wanted_rows = static_cast<int>(wanted.theta_deg.size()), azimuths = static_cast<int>(wanted.phi_deg.size());
+    const std::size_t values = wanted.theta_deg.size() * wanted.phi_deg.size();
+    std::vector<int> all(last_order() + 1, 0);
+    for (const int p : tracing.orders) all[p] = 1;
+    std::vector<double> theta_rad, spacing_rad;
+    for (int r = 0; r < rows; ++r) {
+      theta_rad.push_back(layout.theta_deg[r] * radians_per_degree);
+      spacing_rad.push_back(layout.spacing_deg[r] * radians_per_degree);
+    }
+    const cl::Buffer row_of = cl().upload(layout.row_of), source_column = cl().upload(layout.source_column);
+    const cl::Buffer theta_data = cl().upload(layout.theta_deg), spacing_data = cl().upload(layout.spacing_deg);
+    const cl::Buffer segment_first = cl().upload(layout.segment_first), segment_end = cl().upload(layout.segment_end);
+
+    std::vector<Pass> passes(c.at_once);
+    for (std::size_t start = 0; start < lights.size(); start += c.at_once) {
+      const std::span<const Light> batch = lights.subspan(start, std::min<std::size_t>(c.at_once, lights.size() - start));
+      std::vector<FarField> fields(batch.size());
+      for (int first = 0; first < columns; first += c.columns) {
+        const Block block = make_block(layout, first, std::min(first + c.columns, columns));
+        const int block_columns = block.end - block.first;
+        const auto trace_orders = [&](const std::vector<int>& order_wanted) {
+          if (layout.raster) raster(batch, layout, block, c, order_wanted, passes);
+          else
+            for (std::size_t w = 0; w < batch.size(); ++w) search(batch[w], layout, block, order_wanted, passes[w]);
+        };
+        // Device columns -> wanted grid on the host; several blocks fill one array.
+        const auto unfold = [&](std::size_t w, const cl::Buffer& from, int elements, unsigned odd, double* to) {
+          cl::Buffer target = cl().allocate<double>(values * elements);
+          if (columns > c.columns && !axisymmetric)
+            cl().queue.enqueueWriteBuffer(target, CL_TRUE, 0, values * elements * sizeof(double), to);
+          cl().queue.enqueueNDRangeKernel(
+              with_arguments(
+                  cl::Kernel(program(batch[w]), "unfold"), from, rows, elements, row_of, wanted_rows, source_column,
+                  azimuths, block.first, block.end, odd, target),
+              cl::NullRange, cl::NDRange((wanted_rows + 15) / 16), cl::NDRange(1));
+          cl().download(target, std::span<double>(to, values * elements));
+        };
+        const auto take_amplitude = [&](std::size_t w, std::vector<Amplitude>& out, std::size_t offset) {
+          static_assert(sizeof(Amplitude) == 8 * sizeof(double));
+          const cl::Buffer data = cl().allocate<double>(static_cast<std::size_t>(rows) * block_columns * 8);
+          const double ka = pi * passes[w].job.wave;
+          cl().queue.enqueueNDRangeKernel(
+              with_arguments(
+                  cl::Kernel(program(batch[w]), "sums_to_amplitude"), passes[w].sums[0], block.cos_theta, block.cos_phi,
+                  block.sin_phi, rows, ka, data),
+              cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
+          unfold(w, data, 8, 0xf0U, reinterpret_cast<double*>(out.data() + offset));
+        };
+
+        if (wanted.per_order)
+          for (std::size_t o = 0; o < tracing.orders.size(); ++o) {
+            std::vector<int> only(last_order() + 1, 0);
+            only[tracing.orders[o]] = 1;
+            trace_orders(only);
+            for (std::size_t w = 0; w < batch.size(); ++w) {
+              fields[w].order_amplitude.resize(values * tracing.orders.size());
+              take_amplitude(w, fields[w].order_amplitude, o * values);
+            }
+          }
+        trace_orders(all);
+        for (std::size_t w = 0; w < batch.size(); ++w) {
+          FarField& field = fields[w];
+          if (first == 0) energies(batch[w], passes[w], all, field);
+          if (wanted.amplitudes) {
+            field.amplitude.resize(values);
+            take_amplitude(w, field.amplitude, 0);
+          }
+          const double scale =
+              tracing.shape.radius_m * tracing.shape.radius_m / field.scattering_cross_section;
+          const int elements = wanted.matrix ? 16 : 1;
+          const std::size_t size = static_cast<std::size_t>(rows) * block_columns * elements;
+          cl::Buffer table = cl().allocate<double>(size);
+          cl::Program& code = program(batch[w]);
+          cl().queue.enqueueNDRangeKernel(
+              with_arguments(
+                  cl::Kernel(code, "sums_to_intensity"), passes[w].sums[0], block.cos_theta, block.cos_phi, block.sin_phi,
+                  rows, elements, scale, table),
+              cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
+          if (wanted.filter_sigma_deg > 0) {
+            int per_column = 0;
+            const cl::Buffer edges = make_edges(batch[w], layout, block, wanted, &per_column);
+            const cl::Buffer smooth = cl().allocate<double>(size);
+            cl().queue.enqueueNDRangeKernel(
+                with_arguments(
+                    cl::Kernel(code, "smooth_edges"), table, smooth, rows, elements, theta_data, segment_first,
+                    segment_end, spacing_data, edges, per_column),
+                cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
+            table = smooth;
+          }
+          if (wanted.sun_disc_deg > 0) {
+            const cl::Buffer mean = cl().allocate<double>(size);
+            cl().queue.enqueueNDRangeKernel(
+                with_arguments(
+                    cl::Kernel(code, "average_disc"), table, mean, rows, elements, wanted.sun_disc_deg / 2, segment_first,
+                    segment_end, spacing_data),
+                cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
+            table = mean;
+          }
+          if (wanted.matrix) {
+            field.phase_matrix.resize(values * 16);
+            // Rows and columns 3 and 4 against 1 and 2 change sign in the mirror.
+            unfold(w, table, 16, 0x33ccU, field.phase_matrix.data());
+            field.phase_function.resize(values);
+            for (std::size_t i = 0; i < values; ++i) field.phase_function[i] = field.phase_matrix[16 * i];
+          } else {
+            field.phase_function.resize(values);
+            unfold(w, table, 1, 0, field.phase_function.data());
+          }
+          cl().queue.finish();
+        }
+      }
+      for (std::size_t w = 0; w < batch.size(); ++w) done(start + w, std::move(fields[w]));
+    }
+  }
+};
+
+Tracer::Tracer(const Tracing& tracing, const compute::Device& device)
+    : implementation_(std::make_unique<Implementation>(tracing, device)) {}
+Tracer::~Tracer() = default;
+Tracer::Tracer(Tracer&&) noexcept = default;
+Tracer& Tracer::operator=(Tracer&&) noexcept = default;
+
+void Tracer::far_field(std::span<const Light> lights, const Wanted& wanted,
+                       const std::function<void(std::size_t, FarField&&)>& done) {
+  guarded([&] { implementation_->far_field(lights, wanted, done); });
+}
+
+double Tracer::memory(std::size_t lights, const Wanted& wanted) const { return implementation_->memory(lights, wanted); }
+
+std::string Tracer::describe(std::size_t lights, const Wanted& wanted) const {
+  const Implementation& tracer = *implementation_;
+  const Layout layout = make_layout(wanted, tracer.tracing, tracer.axisymmetric, tracer.last_order());
+  const auto c = tracer.cut(lights, layout);
+  return std::string(layout.raster ? "raster" : "tree") + " over " + std::to_string(layout.theta_deg.size()) +
+         " scattering angles x " + std::to_string(layout.phi_deg.size()) + " azimuths" +
+         (tracer.axisymmetric ? " (axisymmetric)" : " (mirror images share one)") + ", " +
+         std::to_string(c.at_once) + " wavelengths at once in " + std::to_string(c.slices) + " slices";
+}
+
+std::vector<std::vector<TracedRay>> Tracer::trace(
+    const Light& light, std::span<const double> u, std::span<const double> v, int last_order) {
+  return guarded([&] { return implementation_->trace(light, u, v, last_order); });
+}
+
+std::vector<std::array<double, 2>> Tracer::bow_curve(const Light& light, int order) {
+  return guarded([&] { return implementation_->bow_curve(light, order); });
+}
+
+double Tracer::shadow_area() const { return implementation_->area; }
+
+} // namespace scatter::wavefront
