@@ -1,6 +1,7 @@
 #include <scatter/drop/shape.hpp>
 #include <scatter/optics/data_table.hpp>
 #include <scatter/optics/errors.hpp>
+#include <scatter/optics/units.hpp>
 
 #include <embedded/drops_beard_chuang_1987.hpp>
 #include <embedded/drops_chuang_beard_1990.hpp>
@@ -246,13 +247,12 @@ Shape make_shape(std::string_view name, double radius_m, double axis_ratio) {
     if (axis_ratio == 0) throw InputError("--shape spheroid needs --axis-ratio, height over width, 0.2..5");
     return spheroid(radius_m, axis_ratio);
   }
-  if (axis_ratio != 0)
-    throw InputError("--axis-ratio belongs to --shape spheroid, not to '" + std::string(name) + "'");
+  if (axis_ratio != 0) throw InputError("--axis-ratio belongs to --shape spheroid, not to " + quote(name));
   if (name == "sphere") return sphere(radius_m);
   if (name == "beard-chuang") return beard_chuang(radius_m);
   if (name == "chuang-beard") return chuang_beard(radius_m);
   throw InputError(
-      "--shape '" + std::string(name) + "' is not known: use beard-chuang, chuang-beard, sphere or spheroid");
+      "--shape " + quote(name) + " is not known: use beard-chuang, chuang-beard, sphere or spheroid");
 }
 
 } // namespace scatter::drop

@@ -41,8 +41,8 @@ IndexSource parse_index_source(std::string_view text) {
   const bool numeric = !text.empty() && text.find_first_of("0123456789+-.") == 0;
   if (numeric) return {Kind::given, parse_index(text)};
   throw InputError(
-      "index '" + std::string(text) +
-      "' is not known: use hale-querry, iapws, daimon-masumura, or a number such as 1.333 or 1.33+1e-9i");
+      "index " + quote(text) +
+      " is not known: use hale-querry, iapws, daimon-masumura, or a number such as 1.333 or 1.33+1e-9i");
 }
 
 std::string index_source_name(const IndexSource& source) {

@@ -206,9 +206,8 @@ std::vector<int> parse_orders(std::string_view text) {
     for (int order = first; order <= last; ++order) orders.push_back(order);
     begin = end + 1;
   }
-  std::ranges::sort(orders);
-  const auto repeated = std::ranges::unique(orders);
-  orders.erase(repeated.begin(), repeated.end());
+  std::sort(orders.begin(), orders.end());
+  orders.erase(std::unique(orders.begin(), orders.end()), orders.end());
   return orders;
 }
 

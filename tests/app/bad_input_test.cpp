@@ -1,0 +1,219 @@
+// Every wrong request: exit status 2, nothing on standard output, and one line on standard error that names
+// the option and quotes what was written.
+#include "run.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace {
+
+using scatter::test::run;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+struct Case {
+  const char* name;
+  std::vector<std::string> arguments;
+  std::vector<std::string> says; ///< each stands somewhere in the line
+};
+
+void PrintTo(const Case& bad, std::ostream* stream) {
+  *stream << bad.name;
+}
+
+class BadInput : public testing::TestWithParam<Case> {};
+
+TEST_P(BadInput, IsRefusedInOneLineThatNamesIt) {
+  const auto outcome = run(GetParam().arguments);
+  EXPECT_EQ(outcome.exit_code, 2) << "signal " << outcome.signal;
+  EXPECT_EQ(outcome.output, "");
+  EXPECT_EQ(outcome.error_lines(), 1) << outcome.errors;
+  EXPECT_THAT(outcome.errors, StartsWith("scatter"));
+  for (const std::string& part : GetParam().says) EXPECT_THAT(outcome.errors, HasSubstr(part));
+}
+
+/// A request that is right but for what is added. Later options would be "given more than once", so a key of
+/// `changed` replaces the standard value and an empty one removes it.
+std::vector<std::string>
+phase(std::vector<std::pair<std::string, std::string>> changed, std::vector<std::string> added = {}) {
+  std::vector<std::pair<std::string, std::string>> options{{"--radius", "0.5mm"}, {"--wavelengths", "650nm"},
+                                                           {"--theta", "138"},    {"--phi", "0"},
+                                                           {"--rays", "50"},      {"--output", "none"}};
+  for (const auto& [key, value] : changed) {
+    std::erase_if(options, [&](const auto& option) { return option.first == key; });
+    if (!value.empty()) options.emplace_back(key, value);
+  }
+  std::vector<std::string> arguments{"phase"};
+  for (const auto& [key, value] : options) {
+    arguments.push_back(key);
+    arguments.push_back(value);
+  }
+  arguments.insert(arguments.end(), added.begin(), added.end());
+  return arguments;
+}
+
+std::string name_of(const testing::TestParamInfo<Case>& info) {
+  return info.param.name;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    CommandLine, BadInput,
+    testing::Values(
+        Case{"UnknownVerb", {"phas"}, {"phas", "did you mean phase?"}},
+        Case{"UnknownVerbFarFromAny", {"teleport"}, {"teleport", "scatter --help"}},
+        Case{
+            "UnknownOption",
+            {"phase", "--radus", "1mm"},
+            {"scatter phase: ", "--radus", "did you mean --radius?"}},
+        Case{"UnknownOptionWithValue", {"phase", "--wavelenght=1nm"}, {"--wavelenght", "--wavelength"}},
+        Case{"UnknownShortOption", {"phase", "-q"}, {"-q", "scatter phase --help"}},
+        Case{"UnknownProgramOption", {"--verbos"}, {"--verbos", "--verbose"}},
+        Case{"StrayArgument", phase({}, {"stray"}), {"stray"}},
+        Case{"ControlCharactersStayOnOneLine", {"phase", "--ra\ndius"}, {"scatter phase: "}},
+        Case{"MissingValue", {"phase", "--radius"}, {"--radius needs a value"}},
+        Case{"GivenTwice", phase({}, {"--radius", "1mm"}), {"--radius is given more than once"}}),
+    name_of);
+
+INSTANTIATE_TEST_SUITE_P(
+    Quantities, BadInput,
+    testing::Values(
+        Case{"RadiusMissing", phase({{"--radius", ""}}), {"--radius is missing", "0.5mm"}},
+        Case{"RadiusWithoutUnit", phase({{"--radius", "0.5"}}), {"--radius", "\"0.5\"", "mm"}},
+        Case{"RadiusUnknownUnit", phase({{"--radius", "0.5furlong"}}), {"--radius", "furlong", "mm"}},
+        Case{"RadiusNegative", phase({{"--radius", "-0.5mm"}}), {"--radius", "-0.5mm", "greater than zero"}},
+        Case{"RadiusZero", phase({{"--radius", "0mm"}}), {"--radius", "0mm"}},
+        Case{"RadiusNaN", phase({{"--radius", "nanmm"}}), {"--radius", "nanmm"}},
+        Case{"RadiusInfinite", phase({{"--radius", "infmm"}}), {"--radius", "infmm"}},
+        Case{"RadiusOverflow", phase({{"--radius", "1e999mm"}}), {"--radius", "1e999mm"}},
+        Case{"RadiusTrailing", phase({{"--radius", "0.5mmm"}}), {"--radius", "0.5mmm"}},
+        Case{"RadiusDecimalComma", phase({{"--radius", "0,5mm"}}), {"--radius", "0,5mm"}},
+        Case{"WavelengthsMissing", phase({{"--wavelengths", ""}}), {"--wavelengths is missing", "nm"}},
+        Case{
+            "WavelengthsEmpty",
+            phase({{"--wavelengths", ""}}, {"--wavelengths", ""}),
+            {"--wavelengths", "empty"}},
+        Case{
+            "WavelengthsHoleInList",
+            phase({{"--wavelengths", "650nm,,600nm"}}),
+            {"--wavelengths", "650nm,,600nm"}},
+        Case{
+            "WavelengthsInverted",
+            phase({{"--wavelengths", "700:380:10nm"}}),
+            {"--wavelengths", "700:380:10nm"}},
+        Case{"WavelengthsZeroStep", phase({{"--wavelengths", "380:700:0nm"}}), {"--wavelengths", "step"}},
+        Case{
+            "WavelengthsAbsurdlyMany",
+            phase({{"--wavelengths", "380:700:1e-9nm"}}),
+            {"--wavelengths", "10 million"}},
+        Case{"WavelengthsOutsideIndexData", phase({{"--wavelengths", "2um"}}), {"2000", "nm"}},
+        Case{
+            "WavelengthsOutsideTable32",
+            phase({{"--wavelengths", "300nm"}, {"--index", "hale-querry"}}),
+            {"300", "380"}},
+        Case{"SunBelowHorizon", phase({{"--sun", "-5deg"}}), {"--sun", "-5", "90"}},
+        Case{"SunPastZenith", phase({{"--sun", "91deg"}}), {"--sun", "91", "90"}},
+        Case{"SunNaN", phase({{"--sun", "nan"}}), {"--sun", "nan"}},
+        Case{"SunUnknownUnit", phase({{"--sun", "20grad"}}), {"--sun", "grad", "deg"}},
+        Case{"SunDiscNegative", phase({}, {"--sun-disc", "-1deg"}), {"--sun-disc", "-1"}},
+        Case{"ThetaNegative", phase({{"--theta", "-1"}}), {"--theta", "-1", "180"}},
+        Case{"ThetaPast180", phase({{"--theta", "0:181:1"}}), {"--theta", "181", "180"}},
+        Case{"ThetaNotIncreasing", phase({{"--theta", "10,5"}}), {"--theta", "increas"}},
+        Case{"ThetaRepeated", phase({{"--theta", "10,10"}}), {"--theta", "increas"}},
+        Case{"ThetaInverted", phase({{"--theta", "180:0:1"}}), {"--theta", "180:0:1"}},
+        Case{"ThetaEmpty", phase({{"--theta", ""}}, {"--theta", ""}), {"--theta", "empty"}},
+        Case{"PhiNotIncreasing", phase({{"--phi", "90,0"}}), {"--phi", "increas"}},
+        Case{"PhiPast360", phase({{"--phi", "0:361:1"}}), {"--phi", "361", "360"}},
+        Case{"IndexWithGain", phase({{"--index", "1.33-0.1i"}}), {"--index", "1.33-0.1i", "k < 0"}},
+        Case{"IndexZero", phase({{"--index", "0"}}), {"--index", "\"0\""}},
+        Case{"IndexNaN", phase({{"--index", "nan"}}), {"--index", "nan"}},
+        Case{"IndexOne", phase({{"--index", "1"}}), {"--index"}},
+        Case{"IndexUnknown", phase({{"--index", "whiskey"}}), {"--index", "whiskey", "iapws"}}),
+    name_of);
+
+INSTANTIATE_TEST_SUITE_P(
+    Drop, BadInput,
+    testing::Values(
+        Case{"ShapeUnknown", phase({{"--shape", "cube"}}), {"--shape", "cube", "beard-chuang"}},
+        Case{
+            "RadiusPastBeardChuang",
+            phase({{"--radius", "10mm"}}),
+            {"--radius", "10 mm", "beard-chuang", "3 mm"}},
+        Case{
+            "RadiusPastChuangBeard",
+            phase({{"--radius", "5mm"}, {"--shape", "chuang-beard"}}),
+            {"--radius", "5 mm", "chuang-beard", "3 mm"}},
+        Case{"AxisRatioMissing", phase({{"--shape", "spheroid"}}), {"--axis-ratio", "spheroid"}},
+        Case{
+            "AxisRatioForSphere",
+            phase({{"--shape", "sphere"}, {"--axis-ratio", "0.9"}}),
+            {"--axis-ratio", "sphere"}},
+        Case{"AxisRatioForBeardChuang", phase({{"--axis-ratio", "0.9"}}), {"--axis-ratio", "beard-chuang"}},
+        Case{
+            "AxisRatioNegative",
+            phase({{"--shape", "spheroid"}, {"--axis-ratio", "-0.9"}}),
+            {"--axis-ratio", "-0.9"}},
+        Case{
+            "AxisRatioNaN",
+            phase({{"--shape", "spheroid"}, {"--axis-ratio", "nan"}}),
+            {"--axis-ratio", "nan"}},
+        Case{
+            "AxisRatioTooFlat",
+            phase({{"--shape", "spheroid"}, {"--axis-ratio", "0.01"}}),
+            {"--axis-ratio", "0.01", "0.2"}}),
+    name_of);
+
+INSTANTIATE_TEST_SUITE_P(
+    Method, BadInput,
+    testing::Values(
+        Case{"OneRay", phase({{"--rays", "1"}}), {"--rays", "1"}},
+        Case{"NegativeRays", phase({{"--rays", "-5"}}), {"--rays", "-5"}},
+        Case{"AbsurdlyManyRays", phase({{"--rays", "2000000000"}}), {"--rays", "2000000000"}},
+        Case{"RaysOverflow", phase({{"--rays", "99999999999"}}), {"--rays", "99999999999"}},
+        Case{"RaysNotWhole", phase({{"--rays", "10.5"}}), {"--rays", "10.5"}},
+        Case{"NegativeThreads", phase({{"--threads", "-1"}}), {"--threads", "-1"}},
+        Case{"OrdersNegative", phase({{"--orders", "-1"}}), {"--orders", "-1", "0..3"}},
+        Case{"OrdersInverted", phase({{"--orders", "3..0"}}), {"--orders", "3..0"}},
+        Case{"OrdersEmpty", phase({}, {"--orders", ""}), {"--orders", "empty"}},
+        Case{"MethodUnknown", phase({{"--method", "magic"}}), {"--method", "magic", "patches"}},
+        Case{"MieForADrop", phase({{"--method", "mie"}}), {"--method", "mie", "sphere"}},
+        Case{
+            "DiffractionIntegral",
+            phase({{"--diffraction", "integral"}}),
+            {"--diffraction", "integral", "gaussian"}},
+        Case{"FocalLinesExact", phase({{"--focal-lines", "exact"}}), {"--focal-lines", "exact", "rule"}},
+        Case{"Tolerance", phase({{"--tolerance", "1e-3"}}), {"--tolerance", "--rays"}},
+        Case{
+            "RasterOfUnevenAngles",
+            phase({{"--theta", "1,2,4"}, {"--search", "raster"}}),
+            {"--search", "raster", "tree"}},
+        Case{"SearchUnknown", phase({{"--search", "grep"}}), {"--search", "grep", "tree"}}),
+    name_of);
+
+INSTANTIATE_TEST_SUITE_P(
+    Output, BadInput,
+    testing::Values(
+        Case{"UnknownExtension", phase({{"--output", "drop.docx"}}), {"drop.docx", ".nc"}},
+        Case{"NoExtension", phase({{"--output", "drop"}}), {"drop", ".nc"}},
+        Case{"EmptyName", phase({{"--output", ""}}, {"--output", ""}), {"--output", "empty"}},
+        Case{"FolderNotThere", phase({{"--output", "/nowhere/at/all/drop.nc"}}), {"/nowhere/at/all"}},
+        Case{"CompressionUnknown", phase({{"--compression", "lzma"}}), {"--compression", "lzma", "deflate"}},
+        Case{"PrecisionUnknown", phase({{"--precision", "half"}}), {"--precision", "half", "single"}},
+        Case{
+            "MoreMemoryThanThereIs",
+            phase(
+                {{"--theta", "0:180:0.001deg"}, {"--phi", "0:360:0.001deg"}, {"--output", "none"}},
+                {"--matrix"}),
+            {"memory", "GB"}}),
+    name_of);
+
+TEST(BadMachine, WithoutOpenClIsRefusedInOneLine) {
+  const auto outcome = run(phase({}), {"OCL_ICD_VENDORS=/nonexistent"});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_EQ(outcome.error_lines(), 1) << outcome.errors;
+  EXPECT_THAT(outcome.errors, HasSubstr("OpenCL"));
+}
+
+} // namespace
