@@ -5,21 +5,42 @@
 #include <vector>
 
 /// Lorenz-Mie scattering by a homogeneous sphere, the judge of everything else.
-/// Conventions: time factor exp(-i omega t), m = n + ik with k >= 0, amplitudes of Bohren & Huffman (1983), eq. 4.74.
+/// Conventions: time factor exp(-i omega t), m = n + ik with k >= 0, amplitudes of Bohren & Huffman (1983),
+/// eq. 4.74.
 namespace scatter::exact {
 
 struct MieResult {
   double size_parameter = 0;
   std::complex<double> index;
-  double Qext = 0, Qsca = 0, Qabs = 0, Qback = 0, g = 0;
+  /// Cross sections over the geometric one, pi a^2. Qabs is summed on its own, not as a difference: it keeps
+  /// its digits however small k is, and is 0 for k = 0. Qback = 4 |S(180 deg)|^2 / x^2 (radar cross section,
+  /// Bohren & Huffman 4.82).
+  double Qext = 0, Qsca = 0, Qabs = 0, Qback = 0;
+  double g = 0;                             ///< mean cosine of the scattering angle
   std::vector<std::complex<double>> S1, S2; ///< one per angle
-  std::vector<double> phase_function;       ///< sr^-1, integral over the sphere 1
-  double error_estimate = 0;                ///< relative: of the Q's, and of S against max(|S1|,|S2|) at the same angle
+  /// sr^-1, (|S1|^2 + |S2|^2) / (2 pi x^2 Qsca): integral over the sphere 1
+  std::vector<double> phase_function;
+  double error_estimate = 0; ///< relative: of the Q's, and of S against max(|S1|,|S2|) at the same angle
 };
 
-/// See the source for the method and its accuracy. theta in radians, [0, pi], any order.
-/// threads = 0: all cores; the result does not depend on it.
-/// Throws InputError for x outside [1e-6, 5e5], an index that is not finite, n <= 0, k < 0, or m = 1.
-[[nodiscard]] MieResult mie(double size_parameter, std::complex<double> index, std::span<const double> theta, int threads = 0);
+/// theta in radians, [0, pi], any order. threads = 0: all cores. Each angle's result depends on x, m and that
+/// angle alone, bit for bit: not on threads, order or number of angles.
+///
+/// Accuracy against 60-digit arithmetic, x <= 5e4: the Q's and g 1e-13; S 1e-14 .. 1e-12 of max(|S1|, |S2|),
+/// except 1e-10 for m = 1.0001 near 180 deg (partial waves cancel to 1e-5 there) and 1e-9 on the peak of a
+/// resonance of width 1e-8 in x. error_estimate stayed above the error of 520 random spheres, by 2 to 10.
+/// The angle counts as exact: rounding it to radians moves the phase of S by x times 2e-16; see
+/// mie_at_degrees.
+///
+/// Cost: x |m| long double steps for the coefficients, then 1.2 x vectorised steps for every 24 angles.
+///
+/// Throws InputError for x outside [1e-6, 5e5], an index that is not finite, n <= 0, k < 0, m = 1, |m| x >
+/// 1e8, or an angle that is not in [0, pi].
+[[nodiscard]] MieResult
+mie(double size_parameter, std::complex<double> index, std::span<const double> theta, int threads = 0);
+
+/// The same for angles in degrees, [0, 180], which count as exact in degrees.
+[[nodiscard]] MieResult mie_at_degrees(
+    double size_parameter, std::complex<double> index, std::span<const double> theta_deg, int threads = 0);
 
 } // namespace scatter::exact
