@@ -13,8 +13,12 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <iostream>
 #include <new>
@@ -214,5 +218,12 @@ int main(int argc, char** argv) {
   for (CLI::App* const verb : program.get_subcommands({}))
     verb->add_flag_function("--verbose", be_verbose, "Log what is done to standard error");
 
-  return run(program, argc, argv);
+  const int code = run(program, argc, argv);
+  if (code == failed) {
+    // Everything of ours is closed. What libraries do at exit is left out: HDF5 would try once more to finish
+    // a file whose disk is full, and crash.
+    (void)std::fflush(nullptr);
+    std::_Exit(code);
+  }
+  return code;
 }

@@ -169,9 +169,14 @@ PhaseJob PhaseOptions::job() const {
     if (!(axis_ratio > 0))
       throw InputError("--axis-ratio: " + quote(*axis_ratio_) + " must be greater than zero");
   }
-  request.shape = read(
-      "--radius", [&](const std::string& name) { return drop::make_shape(name, radius_m, axis_ratio); },
-      shape_);
+  try {
+    request.shape = drop::make_shape(shape_, radius_m, axis_ratio);
+  } catch (const InputError& error) {
+    const std::string_view message = error.what();
+    if (message.starts_with("--")) throw;
+    throw InputError(
+        (message.starts_with("axis ratio") ? "--axis-ratio: " : "--radius: ") + std::string(message));
+  }
   request.sun_elevation_deg = read("--sun", parse_angle_deg, sun_);
   request.wavelength_m = read("--wavelengths", parse_lengths, *wavelengths_);
   request.index = read("--index", parse_index_source, index_);

@@ -152,8 +152,8 @@ TEST_P(FullDisk, LeavesNoFile) {
   EXPECT_THAT(folder.names(), IsEmpty());
 }
 
-INSTANTIATE_TEST_SUITE_P(Formats, FullDisk, testing::Values(".nc", ".exr", ".json"), [](const auto& info) {
-  return std::string(info.param + 1);
+INSTANTIATE_TEST_SUITE_P(Formats, FullDisk, testing::Values(".nc", ".exr", ".json"), [](const auto& kind) {
+  return std::string(kind.param + 1);
 });
 
 class Killed : public testing::TestWithParam<int> {};
@@ -175,6 +175,6 @@ TEST_P(Killed, LeavesNoFileAndDiesOfTheSignal) {
 
 INSTANTIATE_TEST_SUITE_P(
     Signals, Killed, testing::Values(SIGINT, SIGTERM, SIGHUP, SIGXCPU),
-    [](const auto& info) { return std::string("signal") + std::to_string(info.param); });
+    [](const auto& kind) { return std::string("signal") + std::to_string(kind.param); });
 
 } // namespace
