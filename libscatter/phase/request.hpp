@@ -2,6 +2,7 @@
 
 #include <scatter/drop/shape.hpp>
 #include <scatter/optics/refractive_index.hpp>
+#include <scatter/wavefront/far_field.hpp>
 
 #include <string>
 #include <vector>
@@ -10,12 +11,13 @@ namespace scatter::phase {
 
 enum class Method { automatic, patches, mie };
 enum class Diffraction { none, gaussian };
-enum class FocalLines { none, rule };
-/// How a direction finds the patches that hold it: raster (uniform grids), tree (Embree; any list), or whichever fits.
-enum class Search { automatic, raster, tree };
+using wavefront::FocalLines;
+/// How a direction finds the patches that hold it: raster (uniform grids), tree (Embree; any list), or
+/// whichever fits.
+using wavefront::Search;
 
-/// What to compute: a tabulated phase function of one drop under one sun. Every field has a working default but
-/// shape, wavelengths and angles.
+/// What to compute: a tabulated phase function of one drop under one sun. Every field has a working default
+/// but shape, wavelengths and angles.
 struct Request {
   drop::Shape shape;                   ///< see drop::make_shape; carries the radius
   double sun_elevation_deg = 0;        ///< 0 .. 90
@@ -29,15 +31,15 @@ struct Request {
   Diffraction diffraction = Diffraction::gaussian;
   FocalLines focal_lines = FocalLines::rule;
   Search search = Search::automatic;
-  bool interference = true;            ///< false: intensities of patches add (figure 3.12, "dispersion")
-  bool dispersion = true;              ///< false: the index at 589.3 nm serves every wavelength
-  bool absorption = true;              ///< false: the imaginary part of the index is dropped
-  double sun_disc_deg = 0;             ///< angular diameter of the sun that the table is averaged over; 0: a point
-  bool matrix = false;                 ///< also the 4x4 phase matrix
-  bool amplitudes = false;             ///< also the 2x2 amplitude matrix (sum over orders)
-  bool per_order = false;              ///< also the amplitude of every order
-  int threads = 0;                     ///< 0: all cores; results do not depend on it
-  std::string command;                 ///< goes into the provenance
+  bool interference = true; ///< false: intensities of patches add (figure 3.12, "dispersion")
+  bool dispersion = true;   ///< false: the index at 589.3 nm serves every wavelength
+  bool absorption = true;   ///< false: the imaginary part of the index is dropped
+  double sun_disc_deg = 0;  ///< angular diameter of the sun that the table is averaged over; 0: a point
+  bool matrix = false;      ///< also the 4x4 phase matrix
+  bool amplitudes = false;  ///< also the 2x2 amplitude matrix (sum over orders)
+  bool per_order = false;   ///< also the amplitude of every order
+  int threads = 0;          ///< 0: all cores; results do not depend on it
+  std::string command;      ///< goes into the provenance
 };
 
 } // namespace scatter::phase

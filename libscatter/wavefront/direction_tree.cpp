@@ -1,6 +1,5 @@
-#include <scatter/wavefront/direction_tree.hpp>
-
 #include <scatter/optics/errors.hpp>
+#include <scatter/wavefront/direction_tree.hpp>
 
 #include <embree3/rtcore.h>
 
@@ -25,7 +24,8 @@ struct Query {
 };
 
 void bounds_of(const RTCBoundsFunctionArguments* arguments) {
-  *arguments->bounds_o = static_cast<const std::vector<RTCBounds>*>(arguments->geometryUserPtr)->at(arguments->primID);
+  *arguments->bounds_o =
+      static_cast<const std::vector<RTCBounds>*>(arguments->geometryUserPtr)->at(arguments->primID);
 }
 
 // Never reports a hit, so that Embree goes on to every box that the ray meets.
@@ -35,8 +35,12 @@ void note_box(const RTCIntersectFunctionNArguments* arguments) {
   reinterpret_cast<Query*>(arguments->context)->found->push_back(static_cast<int>(arguments->primID));
 }
 
-float rounded_down(double x) { return std::nextafter(static_cast<float>(x), -std::numeric_limits<float>::infinity()); }
-float rounded_up(double x) { return std::nextafter(static_cast<float>(x), std::numeric_limits<float>::infinity()); }
+float rounded_down(double x) {
+  return std::nextafter(static_cast<float>(x), -std::numeric_limits<float>::infinity());
+}
+float rounded_up(double x) {
+  return std::nextafter(static_cast<float>(x), std::numeric_limits<float>::infinity());
+}
 
 } // namespace
 
@@ -46,8 +50,8 @@ DirectionTree::DirectionTree(std::span<const DirectionBox> boxes) : implementati
   for (const DirectionBox& box : boxes) {
     double extent2 = 0;
     for (int axis = 0; axis < 3; ++axis) extent2 += std::pow(std::max(box.hi[axis] - box.lo[axis], 0.0), 2);
-    // A chord of length c sags by at most c^2/8 below the sphere while c <= 1; wider boxes take the whole sphere.
-    // The float error of Embree's own box test is below 1e-6 for unit directions.
+    // A chord of length c sags by at most c^2/8 below the sphere while c <= 1; wider boxes take the whole
+    // sphere. The float error of Embree's own box test is below 1e-6 for unit directions.
     const double pad = extent2 < 0.25 ? extent2 / 4 + 1e-6 : 2.0;
     const bool empty = box.lo[0] > box.hi[0];
     RTCBounds b{};
@@ -60,7 +64,8 @@ DirectionTree::DirectionTree(std::span<const DirectionBox> boxes) : implementati
     tree.bounds.push_back(b);
   }
   tree.device = rtcNewDevice(nullptr);
-  if (tree.device == nullptr) throw RunError("Embree failed to start: error " + std::to_string(rtcGetDeviceError(nullptr)));
+  if (tree.device == nullptr)
+    throw RunError("Embree failed to start: error " + std::to_string(rtcGetDeviceError(nullptr)));
   tree.scene = rtcNewScene(tree.device);
   RTCGeometry geometry = rtcNewGeometry(tree.device, RTC_GEOMETRY_TYPE_USER);
   rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(tree.bounds.size()));

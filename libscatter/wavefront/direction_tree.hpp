@@ -12,9 +12,9 @@ struct DirectionBox {
   std::array<double, 3> lo, hi;
 };
 
-/// Embree tree over boxes of directions: which boxes may hold a direction? Leaves are whole tiles of patches, not
-/// single patches: a tile is traced anew when it is hit, which costs less than keeping its patches in memory, and the
-/// test that decides is then the very one that the raster uses, in double precision.
+/// Embree tree over boxes of directions: which boxes may hold a direction? Leaves are whole tiles of patches,
+/// not single patches: a tile is traced anew when it is hit, which costs less than keeping its patches in
+/// memory, and the test that decides is then the very one that the raster uses, in double precision.
 class DirectionTree {
 public:
   /// Boxes are padded by the sag of great circles over their extent and rounded outward to float.

@@ -1,9 +1,8 @@
-#include <scatter/wavefront/far_field.hpp>
-
 #include <scatter/compute/opencl.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
 #include <scatter/wavefront/direction_tree.hpp>
+#include <scatter/wavefront/far_field.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 
 #include <embedded/kernel_far_field.hpp>
@@ -29,6 +28,7 @@ constexpr std::size_t scratch_doubles = (21 + 7 + 8) * static_cast<std::size_t>(
 constexpr int traced_fields = 14;
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
 constexpr double most_bytes_of_slices = 2e9;
+constexpr double most_bytes_unfolded = 2.56e8;
 
 /// Layout of job_t in kernels/tile.cl.
 struct Job {
@@ -70,14 +70,14 @@ double even_spacing(const std::vector<double>& values) {
   return step;
 }
 
-/// How wanted directions come out of computed ones: azimuths folded into [0, 180] by the mirror plane (all into one
-/// for an axisymmetric drop), scattering angles surrounded by what filters need.
+/// How wanted directions come out of computed ones: azimuths folded into [0, 180] by the mirror plane (all
+/// into one for an axisymmetric drop), scattering angles surrounded by what filters need.
 struct Layout {
-  std::vector<double> theta_deg, phi_deg;     ///< computed rows and columns
-  std::vector<int> row_of;                    ///< per wanted theta
-  std::vector<int> source_column;             ///< per wanted phi; ~column for its mirror image
+  std::vector<double> theta_deg, phi_deg;      ///< computed rows and columns
+  std::vector<int> row_of;                     ///< per wanted theta
+  std::vector<int> source_column;              ///< per wanted phi; ~column for its mirror image
   std::vector<int> segment_first, segment_end; ///< per row: the evenly spaced stretch that it belongs to
-  std::vector<double> spacing_deg;            ///< per row
+  std::vector<double> spacing_deg;             ///< per row
   bool raster = false;
 };
 
@@ -93,7 +93,8 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
     layout.phi_deg = folded;
     std::sort(layout.phi_deg.begin(), layout.phi_deg.end());
     layout.phi_deg.erase(
-        std::unique(layout.phi_deg.begin(), layout.phi_deg.end(), [](double a, double b) { return b - a < 1e-9; }),
+        std::unique(
+            layout.phi_deg.begin(), layout.phi_deg.end(), [](double a, double b) { return b - a < 1e-9; }),
         layout.phi_deg.end());
     for (std::size_t f = 0; f < folded.size(); ++f) {
       const auto at = std::lower_bound(layout.phi_deg.begin(), layout.phi_deg.end(), folded[f] - 1e-9);
@@ -103,11 +104,13 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
   }
 
   // Filters need even neighbours: a dense even grid has them, any other angle gets a stretch of its own.
-  const double widest = std::max(wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4, wanted.sun_disc_deg / 2);
+  const double widest =
+      std::max(wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4, wanted.sun_disc_deg / 2);
   const double narrowest = std::min(
       wanted.filter_sigma_deg > 0 ? wanted.filter_sigma_deg / 8 : 1e9,
       wanted.sun_disc_deg > 0 ? wanted.sun_disc_deg / 16 : 1e9);
-  const double reach = widest > 0 ? wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4 + wanted.sun_disc_deg / 2 : 0;
+  const double reach =
+      widest > 0 ? wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4 + wanted.sun_disc_deg / 2 : 0;
   const double step = even_spacing(wanted.theta_deg);
   const auto add_stretch = [&](double first, double spacing, int count) {
     const int begin = static_cast<int>(layout.theta_deg.size());
@@ -133,7 +136,8 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
     const double fine = step / refine;
     const double first = wanted.theta_deg.front(), last = wanted.theta_deg.back();
     const int before = static_cast<int>(std::min(std::ceil(reach / fine), std::floor(first / fine + 1e-9)));
-    const int after = static_cast<int>(std::min(std::ceil(reach / fine), std::floor((180 - last) / fine + 1e-9)));
+    const int after =
+        static_cast<int>(std::min(std::ceil(reach / fine), std::floor((180 - last) / fine + 1e-9)));
     const int inside = refine * static_cast<int>(wanted.theta_deg.size() - 1) + 1;
     add_stretch(first - before * fine, fine, before + inside + after);
     // Wanted angles exactly as given, not as sums of steps.
@@ -154,7 +158,8 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
   }
   const bool even = even_spacing(layout.theta_deg) > 0 && even_spacing(layout.phi_deg) > 0;
   if (tracing.search == Search::raster && !even)
-    throw InputError("--search raster needs evenly spaced angles in theta and phi; use --search tree or an even range");
+    throw InputError(
+        "--search raster needs evenly spaced angles in theta and phi; use --search tree or an even range");
   layout.raster = tracing.search == Search::raster || (tracing.search == Search::automatic && even);
   return layout;
 }
@@ -180,13 +185,15 @@ struct Tracer::Implementation {
     surface = surface_parameters(tracing.shape, tracing.sun_elevation_deg);
     axisymmetric = tracing.shape.is_sphere() || std::abs(tracing.sun_elevation_deg - 90) < 1e-9;
     area = wavefront::shadow_area(tracing.shape, tracing.sun_elevation_deg);
-    const GridPart part = axisymmetric             ? GridPart::centre_line
+    const GridPart part = axisymmetric            ? GridPart::centre_line
                           : tracing.rays % 2 == 0 ? GridPart::half
                                                   : GridPart::whole;
     tiles = make_tiles(tracing.rays, surface.largest_radius, surface.smallest_radius, part);
     build_options = "-cl-std=CL1.2 -DTILE=" + std::to_string(tile_cells);
-    if (tracing.shape.kind == drop::Shape::Kind::spheroid) build_options += " -DSURFACE_SPHEROID";
-    else build_options += " -DSURFACE_DEGREE=" + std::to_string(tracing.shape.polynomial().size() - 1);
+    if (tracing.shape.kind == drop::Shape::Kind::spheroid)
+      build_options += " -DSURFACE_SPHEROID";
+    else
+      build_options += " -DSURFACE_DEGREE=" + std::to_string(tracing.shape.polynomial().size() - 1);
     guarded([&] {
       surface_buffer = cl().upload(surface.values);
       tile_buffer = cl().upload(tiles);
@@ -223,7 +230,9 @@ struct Tracer::Implementation {
     job.rim_steps = 24;
     return job;
   }
-  static cl::Buffer job_buffer(OpenCL& opencl, const Job& job) { return opencl.upload(std::span<const Job>(&job, 1)); }
+  static cl::Buffer job_buffer(OpenCL& opencl, const Job& job) {
+    return opencl.upload(std::span<const Job>(&job, 1));
+  }
 
   /// A wavelength on its way.
   struct Pass {
@@ -239,17 +248,18 @@ struct Tracer::Implementation {
   };
 
   struct Cut {
-    int slices = 1;       ///< of the tiles, each with sums of its own
-    int columns = 1;      ///< per block
-    int at_once = 1;      ///< wavelengths in flight
+    int slices = 1;  ///< of the tiles, each with sums of its own
+    int columns = 1; ///< per block
+    int at_once = 1; ///< wavelengths in flight
     double bytes_per_slice = 0;
   };
 
   /// How a job is cut. Slices and blocks decide the order of additions and depend on the job alone; how many
   /// wavelengths run at once depends on the machine and changes no bit.
-  [[nodiscard]] Cut cut(std::size_t lights, const Layout& layout) const {
+  [[nodiscard]] Cut cut(std::size_t lights, const Layout& layout, bool matrix) const {
     Cut c;
-    const double per_column = static_cast<double>(layout.theta_deg.size()) * accumulator() * sizeof(double);
+    const int widest = matrix ? 16 : accumulator();
+    const double per_column = static_cast<double>(layout.theta_deg.size()) * widest * sizeof(double);
     const int columns = static_cast<int>(layout.phi_deg.size());
     c.columns = std::clamp(static_cast<int>(1e9 / per_column), 1, columns);
     c.bytes_per_slice = per_column * c.columns;
@@ -258,8 +268,8 @@ struct Tracer::Implementation {
       while (c.slices > 1 && c.slices * c.bytes_per_slice > most_bytes_of_slices) --c.slices;
       c.at_once = std::max(1, static_cast<int>(device.info().compute_units) / c.slices);
       c.at_once = static_cast<int>(std::min<std::size_t>(c.at_once, lights));
-      const double budget = 0.8 * static_cast<double>(std::min(
-                                      compute::available_memory(), device.info().memory_bytes));
+      const double budget =
+          0.8 * static_cast<double>(std::min(compute::available_memory(), device.info().memory_bytes));
       while (c.at_once > 1 && c.at_once * c.slices * c.bytes_per_slice > budget) --c.at_once;
     }
     return c;
@@ -267,14 +277,19 @@ struct Tracer::Implementation {
 
   [[nodiscard]] double memory(std::size_t lights, const Wanted& wanted) const {
     const Layout layout = make_layout(wanted, tracing, axisymmetric, last_order());
-    const Cut c = cut(lights, layout);
-    const double values = static_cast<double>(wanted.theta_deg.size()) * static_cast<double>(wanted.phi_deg.size());
+    const Cut c = cut(lights, layout, wanted.matrix);
+    const double values =
+        static_cast<double>(wanted.theta_deg.size()) * static_cast<double>(wanted.phi_deg.size());
     const double elements = (wanted.matrix ? 17.0 : 1.0) + (wanted.amplitudes ? 8.0 : 0.0) +
                             (wanted.per_order ? 8.0 * static_cast<double>(tracing.orders.size()) : 0.0);
-    // Sums in flight; then one wavelength's columns (twice while filters run), unfolded, and the same on the host.
-    const double columns = static_cast<double>(layout.theta_deg.size()) * c.columns * (wanted.matrix ? 16.0 : 8.0) * 2;
-    const double scratch = static_cast<double>(scratch_doubles) * std::max(c.at_once * c.slices, 1) * sizeof(double);
-    return c.at_once * c.slices * c.bytes_per_slice + scratch + sizeof(double) * (2 * values * elements + columns) + 2e8;
+    // Sums in flight; then one wavelength's columns (twice while filters run), unfolded, and the same on the
+    // host.
+    const double columns =
+        static_cast<double>(layout.theta_deg.size()) * c.columns * (wanted.matrix ? 16.0 : 8.0) * 2;
+    const double scratch =
+        static_cast<double>(scratch_doubles) * std::max(c.at_once * c.slices, 1) * sizeof(double);
+    return c.at_once * c.slices * c.bytes_per_slice + scratch +
+           sizeof(double) * (values * elements + columns) + most_bytes_unfolded + 2e8;
   }
 
   Block make_block(const Layout& layout, int first, int end) {
@@ -301,8 +316,9 @@ struct Tracer::Implementation {
   }
 
   /// Traces a batch of wavelengths into sums[slice 0], rastering orders where wanted[p] is set.
-  void raster(std::span<const Light> lights, const Layout& layout, const Block& block, const Cut& c,
-              const std::vector<int>& order_wanted, std::vector<Pass>& passes) {
+  void raster(
+      std::span<const Light> lights, const Layout& layout, const Block& block, const Cut& c,
+      const std::vector<int>& order_wanted, std::vector<Pass>& passes) {
     const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.end - block.first;
     const cl::Buffer wanted = cl().upload(order_wanted);
     std::vector<cl::CommandQueue> queues;
@@ -315,7 +331,8 @@ struct Tracer::Implementation {
       job.row_origin = layout.theta_deg.front() * radians_per_degree;
       job.column_origin = layout.phi_deg[block.first] * radians_per_degree;
       job.rows_per_radian = rows > 1 ? 1 / (even_spacing(layout.theta_deg) * radians_per_degree) : 1;
-      job.columns_per_radian = layout.phi_deg.size() > 1 ? 1 / (even_spacing(layout.phi_deg) * radians_per_degree) : 1;
+      job.columns_per_radian =
+          layout.phi_deg.size() > 1 ? 1 / (even_spacing(layout.phi_deg) * radians_per_degree) : 1;
       // The quick angles are good to 2e-8 rad, the even grid to 1e-6 of its step.
       job.row_margin = 1e-7 * job.rows_per_radian + 3e-6;
       job.column_margin = 1e-7 * job.columns_per_radian + 3e-6;
@@ -330,7 +347,9 @@ struct Tracer::Implementation {
           pass.scratch[s] = cl().allocate<double>(scratch_doubles);
         }
         cl().queue.enqueueNDRangeKernel(
-            with_arguments(cl::Kernel(program(lights[w]), "clear_sums"), pass.sums[s], static_cast<cl_ulong>(per_column)),
+            with_arguments(
+                cl::Kernel(program(lights[w]), "clear_sums"), pass.sums[s],
+                static_cast<cl_ulong>(per_column)),
             cl::NullRange, cl::NDRange(columns), cl::NDRange(1));
       }
     }
@@ -342,9 +361,9 @@ struct Tracer::Implementation {
         queues.emplace_back(cl().context, cl().device);
         queues.back().enqueueNDRangeKernel(
             with_arguments(
-                cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer, share(s),
-                share(s + 1), wanted, block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi, pass.scratch[s],
-                pass.sums[s], pass.energy),
+                cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer,
+                share(s), share(s + 1), wanted, block.sin_theta, block.cos_theta, block.cos_phi,
+                block.sin_phi, pass.scratch[s], pass.sums[s], pass.energy),
             cl::NullRange, cl::NDRange(1), cl::NDRange(1));
         queues.back().flush();
       }
@@ -360,8 +379,9 @@ struct Tracer::Implementation {
   }
 
   /// The same sums by asking an Embree tree which tiles may hold each direction, and tracing those again.
-  void search(const Light& light, const Layout& layout, const Block& block, const std::vector<int>& order_wanted,
-              Pass& pass) {
+  void search(
+      const Light& light, const Layout& layout, const Block& block, const std::vector<int>& order_wanted,
+      Pass& pass) {
     const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.end - block.first;
     const int orders = last_order() + 1;
     const unsigned workers = device.info().compute_units;
@@ -407,21 +427,24 @@ struct Tracer::Implementation {
       const cl::Buffer candidate_data = cl().upload(candidates), direction_data = cl().upload(directions);
       cl().queue.enqueueNDRangeKernel(
           with_arguments(
-              cl::Kernel(program(light), "evaluate_candidates"), surface_buffer, pass.job_data, tile_data, first_data,
-              static_cast<int>(hit_tiles.size()), candidate_data, direction_data, pass.scratch[0], out_data),
+              cl::Kernel(program(light), "evaluate_candidates"), surface_buffer, pass.job_data, tile_data,
+              first_data, static_cast<int>(hit_tiles.size()), candidate_data, direction_data, pass.scratch[0],
+              out_data),
           cl::NullRange, cl::NDRange(workers), cl::NDRange(1));
       std::vector<double> out(candidates.size() * accumulator());
       cl().download(out_data, std::span<double>(out));
       for (std::size_t i = 0; i < candidates.size(); ++i)
         for (int e = 0; e < accumulator(); ++e)
-          sums[static_cast<std::size_t>(candidates[i].direction) * accumulator() + e] += out[i * accumulator() + e];
+          sums[static_cast<std::size_t>(candidates[i].direction) * accumulator() + e] +=
+              out[i * accumulator() + e];
     };
     for (int column = 0; column < columns; ++column) {
       const double phi = layout.phi_deg[block.first + column], cp = cos_deg(phi), sp = sin_deg(phi);
       for (int row = 0; row < rows; ++row) {
         const double theta = layout.theta_deg[row], st = sin_deg(theta), ct = cos_deg(theta);
         const int direction = column * rows + row;
-        directions.insert(directions.end(), {theta * radians_per_degree, phi * radians_per_degree, st, ct, cp, sp});
+        directions.insert(
+            directions.end(), {theta * radians_per_degree, phi * radians_per_degree, st, ct, cp, sp});
         for (const int mirror : {1, -1}) {
           tree.find({st * cp, mirror * st * sp, ct}, found);
           for (const int box : found) {
@@ -448,7 +471,8 @@ struct Tracer::Implementation {
       std::vector<double> energy(tiles.size() * orders);
       cl().download(pass.energy, std::span<double>(energy));
       for (std::size_t t = 0; t < tiles.size(); ++t)
-        for (int p = 0; p < orders; ++p) by_order[p] += (tiles[t].flags & tile_direct ? 1 : 2) * energy[t * orders + p];
+        for (int p = 0; p < orders; ++p)
+          by_order[p] += (tiles[t].flags & tile_direct ? 1 : 2) * energy[t * orders + p];
     }
     for (int p = 0; p < orders; ++p)
       if (order_wanted[p] != 0) field.order_energy.push_back(by_order[p] / area);
@@ -457,8 +481,8 @@ struct Tracer::Implementation {
     field.scattering_cross_section = shadow * (1 + scattered_share(light));
   }
 
-  /// Order energies in units of a^2 of an axisymmetric drop, from rays along one radius: Gauss-Legendre would not see
-  /// the rim's square-root singularity, a midpoint rule in the angle of incidence does.
+  /// Order energies in units of a^2 of an axisymmetric drop, from rays along one radius: Gauss-Legendre would
+  /// not see the rim's square-root singularity, a midpoint rule in the angle of incidence does.
   std::vector<double> energy_by_quadrature(const Light& light, int last) {
     constexpr int samples = 4096;
     std::vector<double> u(samples), v(samples, 0.0), by_order(last + 1, 0.0);
@@ -484,13 +508,15 @@ struct Tracer::Implementation {
       const auto by_order = energy_by_quadrature(light, last);
       return std::accumulate(by_order.begin(), by_order.end(), 0.0) / area;
     }
-    // Coarse tracing over all orders that matter; referred to what the same rays bring, so that the rim cancels.
+    // Coarse tracing over all orders that matter; referred to what the same rays bring, so that the rim
+    // cancels.
     const auto share = [&](const Light& of) {
       const std::vector<Tile> coarse_tiles =
           make_tiles(coarse, surface.largest_radius, surface.smallest_radius, GridPart::half);
       const unsigned workers = device.info().compute_units;
       const cl::Buffer job = job_buffer(cl(), make_job(of, coarse, last));
-      const cl::Buffer tile_data = cl().upload(coarse_tiles), scratch = cl().allocate<double>(scratch_doubles * workers);
+      const cl::Buffer tile_data = cl().upload(coarse_tiles),
+                       scratch = cl().allocate<double>(scratch_doubles * workers);
       const cl::Buffer boxes = cl().allocate<double>(coarse_tiles.size() * (last + 1) * 6);
       const cl::Buffer energy_data = cl().allocate<double>(coarse_tiles.size() * (last + 1));
       cl().queue.enqueueNDRangeKernel(
@@ -511,15 +537,16 @@ struct Tracer::Implementation {
     return share(light) / share(transparent);
   }
 
-  std::vector<std::vector<TracedRay>> trace(
-      const Light& light, std::span<const double> u, std::span<const double> v, int last) {
+  std::vector<std::vector<TracedRay>>
+  trace(const Light& light, std::span<const double> u, std::span<const double> v, int last) {
     const int count = static_cast<int>((u.size() + ray_lanes - 1) / ray_lanes * ray_lanes);
     std::vector<double> padded_u(u.begin(), u.end()), padded_v(v.begin(), v.end());
     padded_u.resize(count, 0.0);
     padded_v.resize(count, 0.0);
     const cl::Buffer job = job_buffer(cl(), make_job(light, tracing.rays, last));
     const cl::Buffer u_data = cl().upload(padded_u), v_data = cl().upload(padded_v);
-    const cl::Buffer out_data = cl().allocate<double>(static_cast<std::size_t>(last + 1) * traced_fields * count);
+    const cl::Buffer out_data =
+        cl().allocate<double>(static_cast<std::size_t>(last + 1) * traced_fields * count);
     cl().queue.enqueueNDRangeKernel(
         with_arguments(
             cl::Kernel(program(light), "trace_rays"), surface_buffer, job, u_data, v_data, count, out_data),
@@ -529,7 +556,9 @@ struct Tracer::Implementation {
     std::vector<std::vector<TracedRay>> rays(u.size(), std::vector<TracedRay>(last + 1));
     for (std::size_t i = 0; i < u.size(); ++i)
       for (int p = 0; p <= last; ++p) {
-        const auto field = [&](int f) { return out[(static_cast<std::size_t>(p) * traced_fields + f) * count + i]; };
+        const auto field = [&](int f) {
+          return out[(static_cast<std::size_t>(p) * traced_fields + f) * count + i];
+        };
         TracedRay& ray = rays[i][p];
         ray.valid = field(0) > 0.5;
         ray.direction = {field(1), field(2), field(3)};
@@ -592,7 +621,8 @@ struct Tracer::Implementation {
   }
 
   /// Edges per column for the Gaussian filter: where a bow's curve crosses the column.
-  cl::Buffer make_edges(const Light& light, const Layout& layout, const Block& block, const Wanted& wanted, int* per_column) {
+  cl::Buffer make_edges(
+      const Light& light, const Layout& layout, const Block& block, const Wanted& wanted, int* per_column) {
     const int columns = block.end - block.first;
     std::vector<std::vector<Edge>> found(columns);
     for (const int order : tracing.orders) {
@@ -626,14 +656,17 @@ struct Tracer::Implementation {
     return cl().upload(flat);
   }
 
-  void far_field(std::span<const Light> lights, const Wanted& wanted,
-                 const std::function<void(std::size_t, FarField&&)>& done) {
+  void far_field(
+      std::span<const Light> lights, const Wanted& wanted,
+      const std::function<void(std::size_t, FarField&&)>& done) {
     if (!tracing.interference && (wanted.amplitudes || wanted.per_order))
       throw InputError("--amplitudes and --per-order need interference: drop --no-interference");
     const Layout layout = make_layout(wanted, tracing, axisymmetric, last_order());
-    const Cut c = cut(lights.size(), layout);
-    const int rows = static_cast<int>(layout.theta_deg.size()), columns = static_cast<int>(layout.phi_deg.size());
-    const int wanted_rows = static_cast<int>(wanted.theta_deg.size()), azimuths = static_cast<int>(wanted.phi_deg.size());
+    const Cut c = cut(lights.size(), layout, wanted.matrix);
+    const int rows = static_cast<int>(layout.theta_deg.size()),
+              columns = static_cast<int>(layout.phi_deg.size());
+    const int wanted_rows = static_cast<int>(wanted.theta_deg.size()),
+              azimuths = static_cast<int>(wanted.phi_deg.size());
     const std::size_t values = wanted.theta_deg.size() * wanted.phi_deg.size();
     std::vector<int> all(last_order() + 1, 0);
     for (const int p : tracing.orders) all[p] = 1;
@@ -643,32 +676,47 @@ struct Tracer::Implementation {
       spacing_rad.push_back(layout.spacing_deg[r] * radians_per_degree);
     }
     const cl::Buffer row_of = cl().upload(layout.row_of), source_column = cl().upload(layout.source_column);
-    const cl::Buffer theta_data = cl().upload(layout.theta_deg), spacing_data = cl().upload(layout.spacing_deg);
-    const cl::Buffer segment_first = cl().upload(layout.segment_first), segment_end = cl().upload(layout.segment_end);
+    const cl::Buffer theta_data = cl().upload(layout.theta_deg),
+                     spacing_data = cl().upload(layout.spacing_deg);
+    const cl::Buffer segment_first = cl().upload(layout.segment_first),
+                     segment_end = cl().upload(layout.segment_end);
 
     std::vector<Pass> passes(c.at_once);
     for (std::size_t start = 0; start < lights.size(); start += c.at_once) {
-      const std::span<const Light> batch = lights.subspan(start, std::min<std::size_t>(c.at_once, lights.size() - start));
+      const std::span<const Light> batch =
+          lights.subspan(start, std::min<std::size_t>(c.at_once, lights.size() - start));
       std::vector<FarField> fields(batch.size());
       for (int first = 0; first < columns; first += c.columns) {
         const Block block = make_block(layout, first, std::min(first + c.columns, columns));
         const int block_columns = block.end - block.first;
         const auto trace_orders = [&](const std::vector<int>& order_wanted) {
-          if (layout.raster) raster(batch, layout, block, c, order_wanted, passes);
+          if (layout.raster)
+            raster(batch, layout, block, c, order_wanted, passes);
           else
-            for (std::size_t w = 0; w < batch.size(); ++w) search(batch[w], layout, block, order_wanted, passes[w]);
+            for (std::size_t w = 0; w < batch.size(); ++w)
+              search(batch[w], layout, block, order_wanted, passes[w]);
         };
         // Device columns -> wanted grid on the host; several blocks fill one array.
-        const auto unfold = [&](std::size_t w, const cl::Buffer& from, int elements, unsigned odd, double* to) {
-          cl::Buffer target = cl().allocate<double>(values * elements);
-          if (columns > c.columns && !axisymmetric)
-            cl().queue.enqueueWriteBuffer(target, CL_TRUE, 0, values * elements * sizeof(double), to);
-          cl().queue.enqueueNDRangeKernel(
-              with_arguments(
-                  cl::Kernel(program(batch[w]), "unfold"), from, rows, elements, row_of, wanted_rows, source_column,
-                  azimuths, block.first, block.end, odd, target),
-              cl::NullRange, cl::NDRange((wanted_rows + 15) / 16), cl::NDRange(1));
-          cl().download(target, std::span<double>(to, values * elements));
+        const auto unfold = [&](std::size_t w, const cl::Buffer& from, int elements, unsigned odd,
+                                double* to) {
+          // A matrix of the whole sphere is larger than a device's largest buffer: a few rows at a time.
+          const std::size_t per_row = static_cast<std::size_t>(azimuths) * elements;
+          const int rows_at_once = std::clamp(
+              static_cast<int>(most_bytes_unfolded / static_cast<double>(per_row * sizeof(double))), 1,
+              wanted_rows);
+          const cl::Buffer target = cl().allocate<double>(rows_at_once * per_row);
+          for (int t = 0; t < wanted_rows; t += rows_at_once) {
+            const int count = std::min(rows_at_once, wanted_rows - t);
+            const std::span<double> part(to + t * per_row, count * per_row);
+            if (columns > c.columns)
+              cl().queue.enqueueWriteBuffer(target, CL_TRUE, 0, part.size_bytes(), part.data());
+            cl().queue.enqueueNDRangeKernel(
+                with_arguments(
+                    cl::Kernel(program(batch[w]), "unfold"), from, rows, elements, row_of, t, count,
+                    source_column, azimuths, block.first, block.end, odd, target),
+                cl::NullRange, cl::NDRange((count + 15) / 16), cl::NDRange(1));
+            cl().download(target, part);
+          }
         };
         const auto take_amplitude = [&](std::size_t w, std::vector<Amplitude>& out, std::size_t offset) {
           static_assert(sizeof(Amplitude) == 8 * sizeof(double));
@@ -676,8 +724,8 @@ struct Tracer::Implementation {
           const double ka = pi * passes[w].job.wave;
           cl().queue.enqueueNDRangeKernel(
               with_arguments(
-                  cl::Kernel(program(batch[w]), "sums_to_amplitude"), passes[w].sums[0], block.cos_theta, block.cos_phi,
-                  block.sin_phi, rows, ka, data),
+                  cl::Kernel(program(batch[w]), "sums_to_amplitude"), passes[w].sums[0], block.cos_theta,
+                  block.cos_phi, block.sin_phi, rows, ka, data),
               cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
           unfold(w, data, 8, 0xf0U, reinterpret_cast<double*>(out.data() + offset));
         };
@@ -708,8 +756,8 @@ struct Tracer::Implementation {
           cl::Program& code = program(batch[w]);
           cl().queue.enqueueNDRangeKernel(
               with_arguments(
-                  cl::Kernel(code, "sums_to_intensity"), passes[w].sums[0], block.cos_theta, block.cos_phi, block.sin_phi,
-                  rows, elements, scale, table),
+                  cl::Kernel(code, "sums_to_intensity"), passes[w].sums[0], block.cos_theta, block.cos_phi,
+                  block.sin_phi, rows, elements, scale, table),
               cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
           if (wanted.filter_sigma_deg > 0) {
             int per_column = 0;
@@ -717,8 +765,8 @@ struct Tracer::Implementation {
             const cl::Buffer smooth = cl().allocate<double>(size);
             cl().queue.enqueueNDRangeKernel(
                 with_arguments(
-                    cl::Kernel(code, "smooth_edges"), table, smooth, rows, elements, theta_data, segment_first,
-                    segment_end, spacing_data, edges, per_column),
+                    cl::Kernel(code, "smooth_edges"), table, smooth, rows, elements, theta_data,
+                    segment_first, segment_end, spacing_data, edges, per_column),
                 cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
             table = smooth;
           }
@@ -726,8 +774,8 @@ struct Tracer::Implementation {
             const cl::Buffer mean = cl().allocate<double>(size);
             cl().queue.enqueueNDRangeKernel(
                 with_arguments(
-                    cl::Kernel(code, "average_disc"), table, mean, rows, elements, wanted.sun_disc_deg / 2, segment_first,
-                    segment_end, spacing_data),
+                    cl::Kernel(code, "average_disc"), table, mean, rows, elements, wanted.sun_disc_deg / 2,
+                    segment_first, segment_end, spacing_data),
                 cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
             table = mean;
           }
@@ -755,25 +803,28 @@ Tracer::~Tracer() = default;
 Tracer::Tracer(Tracer&&) noexcept = default;
 Tracer& Tracer::operator=(Tracer&&) noexcept = default;
 
-void Tracer::far_field(std::span<const Light> lights, const Wanted& wanted,
-                       const std::function<void(std::size_t, FarField&&)>& done) {
+void Tracer::far_field(
+    std::span<const Light> lights, const Wanted& wanted,
+    const std::function<void(std::size_t, FarField&&)>& done) {
   guarded([&] { implementation_->far_field(lights, wanted, done); });
 }
 
-double Tracer::memory(std::size_t lights, const Wanted& wanted) const { return implementation_->memory(lights, wanted); }
+double Tracer::memory(std::size_t lights, const Wanted& wanted) const {
+  return implementation_->memory(lights, wanted);
+}
 
 std::string Tracer::describe(std::size_t lights, const Wanted& wanted) const {
   const Implementation& tracer = *implementation_;
   const Layout layout = make_layout(wanted, tracer.tracing, tracer.axisymmetric, tracer.last_order());
-  const auto c = tracer.cut(lights, layout);
+  const auto c = tracer.cut(lights, layout, wanted.matrix);
   return std::string(layout.raster ? "raster" : "tree") + " over " + std::to_string(layout.theta_deg.size()) +
          " scattering angles x " + std::to_string(layout.phi_deg.size()) + " azimuths" +
          (tracer.axisymmetric ? " (axisymmetric)" : " (mirror images share one)") + ", " +
          std::to_string(c.at_once) + " wavelengths at once in " + std::to_string(c.slices) + " slices";
 }
 
-std::vector<std::vector<TracedRay>> Tracer::trace(
-    const Light& light, std::span<const double> u, std::span<const double> v, int last_order) {
+std::vector<std::vector<TracedRay>>
+Tracer::trace(const Light& light, std::span<const double> u, std::span<const double> v, int last_order) {
   return guarded([&] { return implementation_->trace(light, u, v, last_order); });
 }
 
@@ -781,6 +832,8 @@ std::vector<std::array<double, 2>> Tracer::bow_curve(const Light& light, int ord
   return guarded([&] { return implementation_->bow_curve(light, order); });
 }
 
-double Tracer::shadow_area() const { return implementation_->area; }
+double Tracer::shadow_area() const {
+  return implementation_->area;
+}
 
 } // namespace scatter::wavefront

@@ -12,12 +12,12 @@
 #include <vector>
 
 /// The dissertation's algorithm (section 3.4): a grid of rays with phasors is traced through the drop, four
-/// neighbouring rays of one order make a patch of the sphere of directions, and the field in a direction is the sum
-/// over the patches that hold it.
+/// neighbouring rays of one order make a patch of the sphere of directions, and the field in a direction is
+/// the sum over the patches that hold it.
 ///
-/// Conventions: time factor exp(-i omega t); theta is the scattering angle, phi the azimuth about the sunlight, 0 =
-/// most downward; amplitudes of Bohren & Huffman (1983, eq. 3.12) with the phase referred to the origin of the drop's
-/// polar curve; azimuths phi and -phi are images in the vertical plane of the sun.
+/// Conventions: time factor exp(-i omega t); theta is the scattering angle, phi the azimuth about the
+/// sunlight, 0 = most downward; amplitudes of Bohren & Huffman (1983, eq. 3.12) with the phase referred to
+/// the origin of the drop's polar curve; azimuths phi and -phi are images in the vertical plane of the sun.
 namespace scatter::wavefront {
 
 enum class FocalLines { none, rule };
@@ -26,10 +26,10 @@ enum class Search { automatic, raster, tree };
 /// The drop and how it is sampled: the same for every wavelength.
 struct Tracing {
   drop::Shape shape;
-  double sun_elevation_deg = 0;     ///< 0..90
-  int rays = 1000;                  ///< rays x rays over the square around the drop; 2..20000
+  double sun_elevation_deg = 0;        ///< 0..90
+  int rays = 1000;                     ///< rays x rays over the square around the drop; 2..20000
   std::vector<int> orders{0, 1, 2, 3}; ///< p that count, sorted
-  bool interference = true;         ///< false: the intensities of patches add
+  bool interference = true;            ///< false: the intensities of patches add
   FocalLines focal_lines = FocalLines::rule;
   Search search = Search::automatic;
 };
@@ -45,10 +45,11 @@ struct Wanted {
   std::vector<double> theta_deg; ///< increasing, in [0, 180]
   std::vector<double> phi_deg;   ///< any
   bool matrix = false;
-  bool amplitudes = false;       ///< needs interference
-  bool per_order = false;        ///< needs interference
-  double filter_sigma_deg = 0;   ///< Gaussian over the primary bow's edge, (p - 1) times that over the edge of order p; 0: none
-  double sun_disc_deg = 0;       ///< angular diameter of a uniform disc that intensities are averaged over; 0: none
+  bool amplitudes = false; ///< needs interference
+  bool per_order = false;  ///< needs interference
+  double filter_sigma_deg =
+      0; ///< Gaussian over the primary bow's edge, (p - 1) times that over the edge of order p; 0: none
+  double sun_disc_deg = 0; ///< angular diameter of a uniform disc that intensities are averaged over; 0: none
 };
 
 /// The amplitude matrix [[S2, S3], [S4, S1]].
@@ -62,19 +63,20 @@ struct FarField {
   std::vector<double> phase_matrix;       ///< [T][F][4][4], same normalisation; empty unless wanted
   std::vector<Amplitude> amplitude;       ///< [T][F], before filter and sun's disc
   std::vector<Amplitude> order_amplitude; ///< [P][T][F]
-  std::vector<double> order_energy;       ///< [P], share of the energy that meets the drop, carried by complete patches
-  double scattering_cross_section = 0;    ///< m2: shadow + all orders, absorption taken off
-  double extinction_cross_section = 0;    ///< m2: twice the shadow
+  std::vector<double>
+      order_energy; ///< [P], share of the energy that meets the drop, carried by complete patches
+  double scattering_cross_section = 0; ///< m2: shadow + all orders, absorption taken off
+  double extinction_cross_section = 0; ///< m2: twice the shadow
 };
 
 /// What one ray does at one order.
 struct TracedRay {
-  bool valid = false;            ///< false: missed, was lost, or reflected totally
+  bool valid = false;                ///< false: missed, was lost, or reflected totally
   std::array<double, 3> direction{}; ///< sun frame: x most downward, z along the light
-  double path = 0;               ///< optical path between the planes through the origin, in units of a
-  int axis_crossings = 0;        ///< how often it passed the axis of the light
-  /// Energy-normalised Jones matrix in the scattering plane, rows (parallel, perpendicular) like [[S2, S3], [S4, S1]]:
-  /// the amplitude without sqrt(a/s), phase of the path and focal lines.
+  double path = 0;                   ///< optical path between the planes through the origin, in units of a
+  int axis_crossings = 0;            ///< how often it passed the axis of the light
+  /// Energy-normalised Jones matrix in the scattering plane, rows (parallel, perpendicular) like [[S2, S3],
+  /// [S4, S1]]: the amplitude without sqrt(a/s), phase of the path and focal lines.
   Amplitude jones;
 };
 
@@ -90,8 +92,9 @@ public:
   /// Calls done(i, field) for lights[i] in order. Results are the same bits whatever the number of threads.
   /// Accuracy: see papers/ and `scatter validate`; the interpolated phase is off by about
   /// (k a) (2 / rays)^2 / 8 rad times the drop's magnification.
-  void far_field(std::span<const Light> lights, const Wanted& wanted,
-                 const std::function<void(std::size_t, FarField&&)>& done);
+  void far_field(
+      std::span<const Light> lights, const Wanted& wanted,
+      const std::function<void(std::size_t, FarField&&)>& done);
 
   /// Peak memory that far_field() will take [bytes].
   [[nodiscard]] double memory(std::size_t lights, const Wanted& wanted) const;
@@ -100,11 +103,11 @@ public:
   [[nodiscard]] std::string describe(std::size_t lights, const Wanted& wanted) const;
 
   /// Single rays from (u, v) of the incident plane in units of a, all orders 0..last: result[ray][order].
-  [[nodiscard]] std::vector<std::vector<TracedRay>> trace(
-      const Light& light, std::span<const double> u, std::span<const double> v, int last_order);
+  [[nodiscard]] std::vector<std::vector<TracedRay>>
+  trace(const Light& light, std::span<const double> u, std::span<const double> v, int last_order);
 
-  /// Where order p's deflection is stationary along the impact parameter: the geometric bow, as (theta, phi) in
-  /// degrees, one point per bow and azimuth of incidence in [0, 180] deg.
+  /// Where order p's deflection is stationary along the impact parameter: the geometric bow, as (theta, phi)
+  /// in degrees, one point per bow and azimuth of incidence in [0, 180] deg.
   [[nodiscard]] std::vector<std::array<double, 2>> bow_curve(const Light& light, int order);
 
   /// Area of the drop's shadow in units of a^2.

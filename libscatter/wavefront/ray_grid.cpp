@@ -1,6 +1,5 @@
-#include <scatter/wavefront/ray_grid.hpp>
-
 #include <scatter/optics/units.hpp>
+#include <scatter/wavefront/ray_grid.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -24,11 +23,13 @@ SurfaceParameters surface_parameters(const drop::Shape& shape, double sun_elevat
     parameters.smallest_radius = std::min(parameters.smallest_radius, r);
   }
   const double centre = 0.5 * (lowest + highest), half_height = 0.5 * (lowest - highest);
-  // The ellipsoid with these axes, blown up until it holds every sample, and a little for what lies between them.
+  // The ellipsoid with these axes, blown up until it holds every sample, and a little for what lies between
+  // them.
   double blow_up = 1;
   for (int i = 0; i <= samples; ++i) {
     const double theta = pi * i / samples, r = shape.radius(theta);
-    blow_up = std::max(blow_up, std::hypot(r * std::sin(theta) / widest, (r * std::cos(theta) - centre) / half_height));
+    blow_up = std::max(
+        blow_up, std::hypot(r * std::sin(theta) / widest, (r * std::cos(theta) - centre) / half_height));
   }
   parameters.hull_margin = blow_up - 1;
   if (shape.kind != drop::Shape::Kind::spheroid && !shape.is_sphere()) blow_up += 1e-6;
@@ -48,7 +49,8 @@ std::vector<Tile> make_tiles(int rays, double radius, double smallest_radius, Gr
   const double step = 2 * radius / rays, origin = -radius + 0.5 * step;
   std::vector<Tile> tiles;
   const auto add = [&](int i, int j, int cells_i, int cells_j, int flags) {
-    const double u0 = origin + i * step, u1 = u0 + cells_i * step, v0 = origin + j * step, v1 = v0 + cells_j * step;
+    const double u0 = origin + i * step, u1 = u0 + cells_i * step, v0 = origin + j * step,
+                 v1 = v0 + cells_j * step;
     const double near_u = std::max({u0, -u1, 0.0}), near_v = std::max({v0, -v1, 0.0});
     if (std::hypot(near_u, near_v) > radius) return;
     const double far = std::hypot(std::max(std::abs(u0), std::abs(u1)), std::max(std::abs(v0), std::abs(v1)));
@@ -62,24 +64,29 @@ std::vector<Tile> make_tiles(int rays, double radius, double smallest_radius, Gr
   if (part == GridPart::whole) {
     for (int j = 0; j < cells; j += tile_cells) add_rows(j, std::min(tile_cells, cells - j), tile_direct);
   } else {
-    // The cells on the plane v = 0: one row for an even number of rays, the two that meet there for an odd one.
+    // The cells on the plane v = 0: one row for an even number of rays, the two that meet there for an odd
+    // one.
     const int middle = rays % 2 == 0 ? rays / 2 - 1 : std::max(rays / 2 - 1, 0);
     add_rows(middle, rays % 2 == 0 ? 1 : std::min(2, cells), tile_direct);
     if (part == GridPart::half)
       for (int j = middle + 1; j < cells; j += tile_cells) add_rows(j, std::min(tile_cells, cells - j), 0);
   }
   const auto azimuth = [&](const Tile& tile) {
-    return std::atan2(origin + (tile.j + 0.5 * tile.cells_j) * step, origin + (tile.i + 0.5 * tile.cells_i) * step);
+    return std::atan2(
+        origin + (tile.j + 0.5 * tile.cells_j) * step, origin + (tile.i + 0.5 * tile.cells_i) * step);
   };
-  std::stable_sort(tiles.begin(), tiles.end(), [&](const Tile& a, const Tile& b) { return azimuth(a) < azimuth(b); });
+  std::stable_sort(
+      tiles.begin(), tiles.end(), [&](const Tile& a, const Tile& b) { return azimuth(a) < azimuth(b); });
   return tiles;
 }
 
 double shadow_area(const drop::Shape& shape, double sun_elevation_deg) {
   if (shape.is_sphere()) return pi;
   // Half the surface integral of |n . s|: for a ring of the body of revolution the azimuth's integral of
-  // |a + b cos(alpha)| has a closed form. d(area) n = (-z', r') rho d(theta), with z downward and rho the ring's radius.
-  const double h = sun_elevation_deg * radians_per_degree, along = std::abs(std::sin(h)), across = std::cos(h);
+  // |a + b cos(alpha)| has a closed form. d(area) n = (-z', r') rho d(theta), with z downward and rho the
+  // ring's radius.
+  const double h = sun_elevation_deg * radians_per_degree, along = std::abs(std::sin(h)),
+               across = std::cos(h);
   constexpr int samples = 20000;
   double sum = 0;
   for (int i = 0; i < samples; ++i) {

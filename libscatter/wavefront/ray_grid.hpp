@@ -7,12 +7,13 @@
 /// What the ray kernels need to know of a drop, and the order in which the grid of rays is worked off.
 namespace scatter::wavefront {
 
-/// Parameters of the kernels' surface: the axis, an ellipsoid of revolution that holds the drop, the polar curve.
+/// Parameters of the kernels' surface: the axis, an ellipsoid of revolution that holds the drop, the polar
+/// curve.
 struct SurfaceParameters {
   std::vector<double> values; ///< layout of SURFACE_* in kernels/trace.cl
   double largest_radius = 1;  ///< of the polar curve, in units of a
   double smallest_radius = 1;
-  double hull_margin = 0;     ///< how far the ellipsoid stands off at most, relative
+  double hull_margin = 0; ///< how far the ellipsoid stands off at most, relative
 };
 [[nodiscard]] SurfaceParameters surface_parameters(const drop::Shape& shape, double sun_elevation_deg);
 
@@ -30,12 +31,12 @@ enum class GridPart {
   centre_line ///< the cells on the symmetry plane: all that one azimuth of an axisymmetric drop needs
 };
 
-/// Tiles that cover the disc of the given radius on the grid of rays x rays over [-radius, radius]^2, sorted by
-/// azimuth so that neighbours in work are neighbours in the table of directions.
+/// Tiles that cover the disc of the given radius on the grid of rays x rays over [-radius, radius]^2, sorted
+/// by azimuth so that neighbours in work are neighbours in the table of directions.
 [[nodiscard]] std::vector<Tile> make_tiles(int rays, double radius, double smallest_radius, GridPart part);
 
-/// Area of the shadow of a body of revolution in units of a^2, for light at this elevation [deg]; convex drops.
-/// Accuracy 1e-6 relative.
+/// Area of the shadow of a body of revolution in units of a^2, for light at this elevation [deg]; convex
+/// drops. Accuracy 1e-6 relative.
 [[nodiscard]] double shadow_area(const drop::Shape& shape, double sun_elevation_deg);
 
 } // namespace scatter::wavefront

@@ -125,21 +125,21 @@ kernel void average_disc(global const double* in, global double* out, int rows, 
   }
 }
 
-// From folded columns to the wanted grid: out[t][f][elements]. source_column[f] is the column, or ~column for its
+// From folded columns to the wanted grid: out[t - first_row][f][elements]. source_column[f] is the column, or ~column for its
 // mirror image, where elements with a set bit in odd_elements change their sign. Columns of another block are left
 // alone.
-kernel void unfold(global const double* in, int rows, int elements, global const int* row_of, int wanted_rows,
+kernel void unfold(global const double* in, int rows, int elements, global const int* row_of, int first_row, int count,
                    global const int* source_column, int azimuths, int first_column, int end_column, uint odd_elements,
                    global double* out) {
   const int block = 16;
-  const int t0 = get_global_id(0) * block, t1 = min(t0 + block, wanted_rows);
+  const int t0 = get_global_id(0) * block, t1 = min(t0 + block, count);
   for (int f = 0; f < azimuths; ++f) {
     const int source = source_column[f], column = source < 0 ? ~source : source;
     if (column < first_column || column >= end_column) continue;
     global const double* from = in + (size_t)(column - first_column) * rows * elements;
     const uint odd = source < 0 ? odd_elements : 0;
     for (int t = t0; t < t1; ++t) {
-      global const double* value = from + (size_t)row_of[t] * elements;
+      global const double* value = from + (size_t)row_of[first_row + t] * elements;
       global double* target = out + ((size_t)t * azimuths + f) * elements;
       for (int e = 0; e < elements; ++e) target[e] = (odd >> e) & 1 ? -value[e] : value[e];
     }
