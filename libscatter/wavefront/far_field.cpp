@@ -225,7 +225,7 @@ struct Tracer::Implementation {
     job.rays = rays;
     job.last_order = order;
     job.focal_lines = tracing.focal_lines == FocalLines::rule;
-    // Newton's steps from the hull: measured so that no interior ray stays above 1e-9 before its last step.
+    // Newton's steps from the hull: more than the interior needs, where they end early.
     job.interior_steps = surface.hull_margin < 1e-9 ? 3 : surface.hull_margin < 0.02 ? 5 : 7;
     job.rim_steps = 24;
     return job;

@@ -7,6 +7,9 @@
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
+// Everything is one loop body to the compiler: calls would pass vectors through memory.
+#define inline static inline __attribute__((always_inline))
+
 #define RAY_LANES 16
 typedef double16 real;
 typedef long16 mask;
@@ -67,6 +70,10 @@ inline vector3 surface_axis(constant const double* surface) {
   return axis;
 }
 
+// True when Newton's next step is the last that changes a digit: convergence is quadratic, and slower by the slope.
+// Never so for NaN, which is what a ray that misses ends as.
+inline mask converged(real gap, real slope) { return fabs(gap) < 1e-8 * slope * slope + 1e-13; }
+
 // Newton's iteration for |P| = R along P = start + t d. For a convex drop the gauge |P|/R is convex along the line,
 // so from outside the steps close in without ever passing the root. misfit: |P|^2 - R^2 at the end; rise: how fast
 // |P|/R grows along the ray there (negative where it enters).
@@ -85,6 +92,7 @@ inline void meet_surface(
     gap = fma(p.x, p.x, fma(p.y, p.y, fma(p.z, p.z, -radius * radius)));
     slope_along = (start_d + *t) * inverse_r * (radius + c * slope) - slope * axis_d;
     *t -= radius * gap / ((r + radius) * slope_along);
+    if (!any(!converged(gap, slope_along))) break;
   }
   *misfit = gap;
   *rise = slope_along;
@@ -286,8 +294,7 @@ inline void enter(
   real t = (-qd - sqrt(fmax(discriminant, 0.0))) / dd;
   real misfit, rise;
   meet_surface(surface, start, d, steps, &t, &misfit, &rise);
-  // Written so that a NaN from a ray that misses counts as a miss.
-  const mask hit = (fabs(misfit) < 1e-9) & (rise < 0.0) & (discriminant >= 0.0);
+  const mask hit = converged(misfit, rise) & (rise < 0.0) & (discriminant >= 0.0);
   t = select((real)(-1.0), t, hit);
   const vector3 p = {select((real)(0.0), u, hit), select((real)(0.0), v, hit), t};
   const real valid = select((real)(0.0), (real)(1.0), hit);
@@ -348,7 +355,7 @@ inline void bounce(
   const real dd = across * dot3(d, d) + (along - across) * d_axis * d_axis;
   real t = fmax(-2.0 * qd / dd, 1e-3), misfit, rise;
   meet_surface(surface, ray->p, d, steps, &t, &misfit, &rise);
-  const mask hit = (fabs(misfit) < 1e-9) & (rise > 0.0) & (t > 1e-9) & (ray->alive > 0.5);
+  const mask hit = converged(misfit, rise) & (rise > 0.0) & (t > 1e-9) & (ray->alive > 0.5);
   t = select((real)(1.0), t, hit);
   const real alive = select((real)(0.0), (real)(1.0), hit);
   vector3 p = along3(ray->p, t, d);
