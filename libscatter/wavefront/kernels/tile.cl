@@ -153,111 +153,123 @@ void trace_tile(constant const double* surface, constant const job_t* job, tile_
 }
 
 typedef struct {
-  double x, y, z;
-} point3;
+  double8 x, y, z;
+} point8;
 
-inline point3 difference(point3 a, point3 b) {
-  const point3 c = {a.x - b.x, a.y - b.y, a.z - b.z};
+inline double8 inner8(point8 a, point8 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline point8 difference8(point8 a, point8 b) {
+  const point8 c = {a.x - b.x, a.y - b.y, a.z - b.z};
   return c;
 }
-inline double inner(point3 a, point3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 // Normal of the great circle a -> b, without the cancellation of a x b for close points.
-inline point3 edge_normal(point3 a, point3 b) {
-  const point3 d = difference(b, a);
-  const point3 n = {a.y * d.z - a.z * d.y, a.z * d.x - a.x * d.z, a.x * d.y - a.y * d.x};
+inline point8 edge_normal(point8 a, point8 b) {
+  const point8 d = difference8(b, a);
+  const point8 n = {a.y * d.z - a.z * d.y, a.z * d.x - a.x * d.z, a.x * d.y - a.y * d.x};
   return n;
 }
 
-// A patch ready to be laid over directions. Corners: 0 = (i, j), 1 = (i+1, j), 2 = (i+1, j+1), 3 = (i, j+1).
-typedef struct {
-  point3 bottom, right, top, left, diagonal; // normals of 0->1, 1->2, 3->2, 0->3, 0->2
-  double8 jones[2][4]; // per hemisphere of the direction, per corner; times the amplitude factor
-  double phase[4];     // half-turns
-  double phase_offset; // half-turns, the same for the whole patch
-  double first_factor, second_factor; // sqrt(a/s) of the triangles 012 and 023; 0 drops the triangle
-  int first_turn, second_turn;        // +1 counter-clockwise, -1 clockwise
-  int folded;          // the triangles overlap: a direction may lie in both
-} patch_t;
+// Solid angle of the triangle from its triple product (Van Oosterom & Strackee 1983).
+inline double8 solid_angle(double8 triple, point8 a, point8 b, point8 c) {
+  const double8 below = 1.0 + inner8(a, b) + inner8(b, c) + inner8(c, a), above = fabs(triple);
+  const double8 t = above / below, t2 = t * t;
+  const double8 small_ = 2.0 * t * (1.0 - t2 * (1.0 / 3.0 - t2 * (0.2 - t2 * (1.0 / 7.0 - t2 * (1.0 / 9.0)))));
+  const long8 large = !((below > 0.0) & (t < 0.02));
+  return any(large) ? select(small_, 2.0 * atan2(above, below), large) : small_;
+}
 
-inline point3 corner(global const double* scratch, int at) {
+// Patches of the eight cells i..i+7 of a row. Corners: 0 = (i, j), 1 = (i+1, j), 2 = (i+1, j+1), 3 = (i, j+1); the
+// triangles are 012 and 023. Normals of the edges 0->1, 1->2, 3->2, 0->3 and 0->2, then sqrt(a/s) of both triangles
+// with the sign of their turn (+ counter-clockwise, 0 drops the triangle), then the phase of the whole patch.
+enum {
+  PATCH_BOTTOM = 0, PATCH_RIGHT = 3, PATCH_TOP = 6, PATCH_LEFT = 9, PATCH_DIAGONAL = 12,
+  PATCH_FIRST = 15, PATCH_SECOND, PATCH_PHASE, PATCH_FIELDS
+};
+
+inline point8 corners8(global const double* scratch, int at) {
   global const double* field = scratch + SCRATCH_EXIT + at;
-  const point3 d = {field[EXIT_X * TILE_PADDED], field[EXIT_Y * TILE_PADDED], field[EXIT_Z * TILE_PADDED]};
+  const point8 d = {vload8(0, field + EXIT_X * TILE_PADDED), vload8(0, field + EXIT_Y * TILE_PADDED),
+                    vload8(0, field + EXIT_Z * TILE_PADDED)};
   return d;
 }
 
-// Solid angle of the triangle from its triple product (Van Oosterom & Strackee 1983).
-inline double solid_angle(double triple, point3 a, point3 b, point3 c) {
-  const double below = 1.0 + inner(a, b) + inner(b, c) + inner(c, a);
-  const double t = fabs(triple) / below;
-  if (below > 0.0 && t < 0.02) {
-    const double t2 = t * t;
-    return 2.0 * t * (1.0 - t2 * (1.0 / 3.0 - t2 * (0.2 - t2 * (1.0 / 7.0 - t2 * (1.0 / 9.0)))));
+inline void make_patches(
+    constant const job_t* job, tile_t tile, int p, global const double* scratch, int i, int j, int stride, double* out) {
+  const int at = j * TILE_RAYS + i;
+  const point8 d0 = corners8(scratch, at), d1 = corners8(scratch, at + 1);
+  const point8 d2 = corners8(scratch, at + TILE_RAYS + 1), d3 = corners8(scratch, at + TILE_RAYS);
+  const point8 bottom = edge_normal(d0, d1), diagonal = edge_normal(d0, d2);
+#define STORE_NORMAL(name, value)                       \
+  {                                                     \
+    const point8 n = value;                             \
+    vstore8(n.x, 0, out + (name + 0) * stride);         \
+    vstore8(n.y, 0, out + (name + 1) * stride);         \
+    vstore8(n.z, 0, out + (name + 2) * stride);         \
   }
-  return 2.0 * atan2(fabs(triple), below);
+  STORE_NORMAL(PATCH_BOTTOM, bottom)
+  STORE_NORMAL(PATCH_RIGHT, edge_normal(d1, d2))
+  STORE_NORMAL(PATCH_TOP, edge_normal(d3, d2))
+  STORE_NORMAL(PATCH_LEFT, edge_normal(d0, d3))
+  STORE_NORMAL(PATCH_DIAGONAL, diagonal)
+#undef STORE_NORMAL
+  // Triple products from differences: exact signs down to the rounding of the corners.
+  const double8 first = inner8(bottom, difference8(d2, d0)), second = inner8(diagonal, difference8(d3, d0));
+  const double8 first_area = solid_angle(first, d0, d1, d2), second_area = solid_angle(second, d0, d2, d3);
+  const double cell = job->step * job->step;
+  // Triangles of one turn share the patch's area; where it folds, each has its own.
+  const long8 folded = (first >= 0.0) != (second >= 0.0);
+  const double8 first_share = select(cell / (first_area + second_area), 0.5 * cell / first_area, folded);
+  const double8 second_share = select(first_share, 0.5 * cell / second_area, folded);
+  // A triangle without area holds no direction.
+  const double8 first_factor = select(sqrt(first_share), (double8)(0.0), !(first_share < 1e300));
+  const double8 second_factor = select(sqrt(second_share), (double8)(0.0), !(second_share < 1e300));
+  vstore8(select(-first_factor, first_factor, first >= 0.0), 0, out + PATCH_FIRST * stride);
+  vstore8(select(-second_factor, second_factor, second >= 0.0), 0, out + PATCH_SECOND * stride);
+
+  // -pi/2 from S = -i k r E; with the focal-line rule another -pi/2 per focal line: p - 1 inside the drop, one more
+  // where the deflection grows with the impact parameter, and those on the axis that the rays carry already.
+  double8 phase = -0.5;
+  if (job->focal_lines) {
+    const double8 lane = (double8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const double8 u = job->origin + job->step * (tile.i + i + 0.5 + lane);
+    const double v = job->origin + job->step * (tile.j + j + 0.5);
+    const double8 zu = d1.z + d2.z - d0.z - d3.z, zv = d2.z + d3.z - d0.z - d1.z;
+    const double8 towards_axis = -((d0.x + d1.x + d2.x + d3.x) * u + (d0.y + d1.y + d2.y + d3.y) * v);
+    // d(theta)/db has the sign of -dz/db; the deflection counts as positive towards the axis.
+    const long8 grows = towards_axis * -(u * zu + v * zv) > 0.0;
+    phase -= select((double8)(0.5 * (p - 1)), (double8)(0.5 * p), grows);
+  }
+  vstore8(phase, 0, out + PATCH_PHASE * stride);
 }
 
-// The basis of a corner in one hemisphere taken over into the other's (they differ by a turn of 2 phi).
-inline double8 other_hemisphere(double8 jones, point3 d, int from_upper) {
-  const double rho2 = fmax(d.x * d.x + d.y * d.y, 1e-300);
-  const double c = (d.y * d.y - d.x * d.x) / rho2, s = (from_upper ? -2.0 : 2.0) * d.x * d.y / rho2;
+// The basis of one hemisphere taken over into the other's at the azimuth of (x, y): they differ by a turn of 2 phi.
+inline double8 other_hemisphere(double8 jones, double x, double y, int from_upper) {
+  const double rho2 = fmax(x * x + y * y, 1e-300);
+  const double c = (y * y - x * x) / rho2, s = (from_upper ? -2.0 : 2.0) * x * y / rho2;
   // (e1, e2) -> (c e1 + s e2, -s e1 + c e2), for both incident polarisations and both parts.
   return c * jones + s * (double8)(1, -1, 1, -1, 1, -1, 1, -1) * jones.s10325476;
 }
 
-// Fills the patch at cell (i, j) of the tile. False when no direction can be in it.
-inline int make_patch(
-    constant const job_t* job, tile_t tile, int p, global const double* scratch, int i, int j, patch_t* patch) {
-  const int at[4] = {j * TILE_RAYS + i, j * TILE_RAYS + i + 1, (j + 1) * TILE_RAYS + i + 1, (j + 1) * TILE_RAYS + i};
-  point3 d[4];
-  for (int c = 0; c < 4; ++c) d[c] = corner(scratch, at[c]);
-  patch->bottom = edge_normal(d[0], d[1]);
-  patch->right = edge_normal(d[1], d[2]);
-  patch->top = edge_normal(d[3], d[2]);
-  patch->left = edge_normal(d[0], d[3]);
-  patch->diagonal = edge_normal(d[0], d[2]);
-  // Triple products from differences: exact signs down to the rounding of the corners.
-  const double first = inner(patch->bottom, difference(d[2], d[0]));
-  const double second = inner(patch->diagonal, difference(d[3], d[0]));
-  const double first_area = solid_angle(first, d[0], d[1], d[2]), second_area = solid_angle(second, d[0], d[2], d[3]);
-  const double cell = job->step * job->step;
-  patch->first_turn = first >= 0.0 ? 1 : -1;
-  patch->second_turn = second >= 0.0 ? 1 : -1;
-  patch->folded = patch->first_turn != patch->second_turn;
-  if (patch->folded) {
-    patch->first_factor = first_area > 0.0 ? sqrt(0.5 * cell / first_area) : 0.0;
-    patch->second_factor = second_area > 0.0 ? sqrt(0.5 * cell / second_area) : 0.0;
-  } else {
-    const double area = first_area + second_area;
-    patch->first_factor = patch->second_factor = area > 0.0 ? sqrt(cell / area) : 0.0;
-  }
-  if (patch->first_factor == 0.0 && patch->second_factor == 0.0) return 0;
+// Jones matrices of a cell's corners, all in the basis of one hemisphere.
+typedef struct {
+  double8 corner[4];
+  int hemisphere; // 0 upper, 1 lower
+} patch_jones;
 
-  int upper = 0;
-  for (int c = 0; c < 4; ++c) upper += d[c].z >= 0.0;
-  for (int c = 0; c < 4; ++c) {
-    const double8 jones = vload8(at[c], scratch + SCRATCH_JONES);
-    if (upper == 4) patch->jones[0][c] = jones;
-    else if (upper == 0) patch->jones[1][c] = jones;
-    else {
-      const int is_upper = d[c].z >= 0.0;
-      const double8 turned = other_hemisphere(jones, d[c], is_upper);
-      patch->jones[0][c] = is_upper ? jones : turned;
-      patch->jones[1][c] = is_upper ? turned : jones;
-    }
-    patch->phase[c] = scratch[SCRATCH_EXIT + EXIT_PHASE * TILE_PADDED + at[c]];
+inline patch_jones load_jones(global const double* scratch, int at) {
+  const int corner_at[4] = {at, at + 1, at + TILE_RAYS + 1, at + TILE_RAYS};
+  global const double* z = scratch + SCRATCH_EXIT + EXIT_Z * TILE_PADDED;
+  patch_jones jones;
+  const int lower = (z[corner_at[0]] < 0.0) + (z[corner_at[1]] < 0.0) + (z[corner_at[2]] < 0.0) + (z[corner_at[3]] < 0.0);
+  jones.hemisphere = lower == 4;
+#pragma unroll
+  for (int c = 0; c < 4; ++c) jones.corner[c] = vload8(corner_at[c], scratch + SCRATCH_JONES);
+  if (lower != 0 && lower != 4) {
+    // Across the equator: the corners below it are taken over into the upper basis.
+    for (int c = 0; c < 4; ++c)
+      if (z[corner_at[c]] < 0.0)
+        jones.corner[c] = other_hemisphere(jones.corner[c], z[corner_at[c] - 2 * TILE_PADDED], z[corner_at[c] - TILE_PADDED], 0);
   }
-  // -pi/2 from S = -i k r E; with the focal-line rule another -pi/2 per focal line: p - 1 inside the drop, one more
-  // where the deflection grows with the impact parameter, and those on the axis that the rays carry already.
-  patch->phase_offset = -0.5;
-  if (job->focal_lines) {
-    const double u = job->origin + job->step * (tile.i + i + 0.5), v = job->origin + job->step * (tile.j + j + 0.5);
-    const double zu = d[1].z + d[2].z - d[0].z - d[3].z, zv = d[2].z + d[3].z - d[0].z - d[1].z;
-    const double towards_axis = -((d[0].x + d[1].x + d[2].x + d[3].x) * u + (d[0].y + d[1].y + d[2].y + d[3].y) * v);
-    // d(theta)/db has the sign of -dz/db; the deflection counts as positive towards the axis.
-    const int grows = towards_axis * -(u * zu + v * zv) > 0.0;
-    patch->phase_offset -= 0.5 * (p - 1 + grows);
-  }
-  return 1;
+  return jones;
 }
 
 // sin and cos of pi times x: reduction to an eighth of a turn is exact, then Taylor to below half an ulp.
@@ -292,21 +304,26 @@ typedef struct {
 } column_hits;
 
 // Which of eight directions (sin_theta, cos_theta) at azimuth (cos_phi, sin_phi) the patch holds, and with what
-// weights and phasor. use_first, use_second: which triangles count.
-inline int hits_in_column(const patch_t* patch, int use_first, int use_second, double cos_phi, double sin_phi,
-                          double8 sin_theta, double8 cos_theta, column_hits* hits) {
-#define EDGE(name) \
-  ((patch->name.x * cos_phi + patch->name.y * sin_phi) * sin_theta + patch->name.z * cos_theta)
-  const double8 diagonal = EDGE(diagonal), bottom = EDGE(bottom), right = EDGE(right), top = EDGE(top),
-                left = EDGE(left);
+// weights and phasor. patch: the fields of one cell, `stride` apart; corner_phase: half-turns; pass 0 looks into both
+// triangles, or into the first alone where the patch is folded, and pass 1 then into the second.
+inline int hits_in_column(const double* patch, int stride, const double* corner_phase, int pass, double cos_phi,
+                          double sin_phi, double8 sin_theta, double8 cos_theta, column_hits* hits) {
+  const double first_factor = patch[PATCH_FIRST * stride], second_factor = patch[PATCH_SECOND * stride];
+  const int folded = first_factor * second_factor < 0.0;
+  const long use_first = first_factor != 0.0 && (!folded || pass == 0) ? -1 : 0;
+  const long use_second = second_factor != 0.0 && (!folded || pass == 1) ? -1 : 0;
+#define EDGE(name)                                                                             \
+  ((patch[name * stride] * cos_phi + patch[(name + 1) * stride] * sin_phi) * sin_theta +       \
+   patch[(name + 2) * stride] * cos_theta)
+  const double8 diagonal = EDGE(PATCH_DIAGONAL), bottom = EDGE(PATCH_BOTTOM), right = EDGE(PATCH_RIGHT),
+                top = EDGE(PATCH_TOP), left = EDGE(PATCH_LEFT);
 #undef EDGE
   const long8 on_left = diagonal >= 0.0;
-  const long8 first_in =
-      patch->first_turn > 0 ? (bottom >= 0.0) & (right >= 0.0) & ~on_left : ~((bottom >= 0.0) | (right >= 0.0)) & on_left;
-  const long8 second_in =
-      patch->second_turn > 0 ? on_left & ~((top >= 0.0) | (left >= 0.0)) : ~on_left & (top >= 0.0) & (left >= 0.0);
-  const long8 in_first = use_first ? first_in : (long8)(0), in_second = use_second ? second_in : (long8)(0);
-  const long8 held = in_first | in_second;
+  const long8 first_in = first_factor > 0.0 ? (bottom >= 0.0) & (right >= 0.0) & ~on_left
+                                            : ~((bottom >= 0.0) | (right >= 0.0)) & on_left;
+  const long8 second_in = second_factor > 0.0 ? on_left & ~((top >= 0.0) | (left >= 0.0))
+                                              : ~on_left & (top >= 0.0) & (left >= 0.0);
+  const long8 in_second = second_in & use_second, held = (first_in & use_first) | in_second;
   hits->held = held;
   if (!any(held)) return 0;
   // Barycentric weights of the direction in its triangle.
@@ -317,24 +334,34 @@ inline int hits_in_column(const patch_t* patch, int use_first, int use_second, d
   hits->weight[1] = weight1 * scale;
   hits->weight[2] = weight2 * scale;
   hits->weight[3] = weight3 * scale;
-  const double8 phase = hits->weight[0] * patch->phase[0] + hits->weight[1] * patch->phase[1] +
-                        hits->weight[2] * patch->phase[2] + hits->weight[3] * patch->phase[3] + patch->phase_offset;
+  const double8 phase = hits->weight[0] * corner_phase[0] + hits->weight[1] * corner_phase[1] +
+                        hits->weight[2] * corner_phase[2] + hits->weight[3] * corner_phase[3] + patch[PATCH_PHASE * stride];
   double8 cosine;
   const double8 sine = sin_cos_half_turns(phase, &cosine);
-  const double8 factor = select((double8)(patch->first_factor), (double8)(patch->second_factor), in_second);
+  const double8 factor = select((double8)(fabs(first_factor)), (double8)(fabs(second_factor)), in_second);
   hits->sine = sine * factor;
   hits->cosine = cosine * factor;
   return 1;
 }
 
-// The Jones matrix of one lane. mirror = -1 takes the image in the symmetry plane.
-inline double8 hit_amplitude(
-    const patch_t* patch, int hemisphere, double w0, double w1, double w2, double w3, double sine, double cosine, int mirror) {
-  const double8* jones = patch->jones[hemisphere];
-  const double8 j = w0 * jones[0] + w1 * jones[1] + w2 * jones[2] + w3 * jones[3];
+// The Jones matrix of one lane, in the basis of the direction's hemisphere (lower where cos_theta < 0). mirror = -1
+// takes the image in the symmetry plane.
+inline double8 hit_amplitude(const patch_jones* jones, double w0, double w1, double w2, double w3, double sine,
+                             double cosine, double cos_theta, double cos_phi, double sin_phi, int mirror) {
+  const double8 j = w0 * jones->corner[0] + w1 * jones->corner[1] + w2 * jones->corner[2] + w3 * jones->corner[3];
   const double8 turned = (double8)(-j.s4, -j.s5, -j.s6, -j.s7, j.s0, j.s1, j.s2, j.s3);
-  const double8 amplitude = cosine * j + sine * turned;
+  double8 amplitude = cosine * j + sine * turned;
+  if ((cos_theta < 0.0) != jones->hemisphere)
+    amplitude = other_hemisphere(amplitude, cos_phi, sin_phi, !jones->hemisphere);
   return mirror < 0 ? amplitude * (double8)(1, -1, -1, 1, 1, -1, -1, 1) : amplitude;
+}
+
+inline void load_phases(global const double* scratch, int at, double* phase) {
+  global const double* from = scratch + SCRATCH_EXIT + EXIT_PHASE * TILE_PADDED + at;
+  phase[0] = from[0];
+  phase[1] = from[1];
+  phase[2] = from[TILE_RAYS + 1];
+  phase[3] = from[TILE_RAYS];
 }
 
 #ifdef INTENSITIES
@@ -359,42 +386,6 @@ inline void accumulate(global double* sum, double8 j, double cos_phi, double sin
   vstore8(vload8(0, sum) + j, 0, sum);
 }
 #endif
-
-// Lays one patch over columns c0..c1 and rows r0..r1 of the table. sines and cosines of the rows are padded with
-// zeros to a multiple of 8 beyond the last row; a zero vector lies in no patch.
-void lay_patch(const patch_t* patch, int c0, int c1, int r0, int r1, int mirror, int rows, global const double* sin_theta,
-               global const double* cos_theta, global const double* cos_phi, global const double* sin_phi,
-               global double* sums) {
-  const int passes = patch->folded ? 2 : 1;
-  for (int pass = 0; pass < passes; ++pass) {
-    const int use_first = (!patch->folded || pass == 0) && patch->first_factor > 0.0;
-    const int use_second = (!patch->folded || pass == 1) && patch->second_factor > 0.0;
-    for (int column = c0; column <= c1; ++column) {
-      const double c = cos_phi[column], s = mirror * sin_phi[column];
-      global double* column_sums = sums + (size_t)column * rows * ACCUMULATOR;
-      for (int row = r0; row <= r1; row += 8) {
-        column_hits hits;
-        const double8 ct = vload8(0, cos_theta + row);
-        if (!hits_in_column(patch, use_first, use_second, c, s, vload8(0, sin_theta + row), ct, &hits)) continue;
-        double w[4][8], sine[8], cosine[8], z[8];
-        long held[8];
-        for (int corner_ = 0; corner_ < 4; ++corner_) vstore8(hits.weight[corner_], 0, w[corner_]);
-        vstore8(hits.sine, 0, sine);
-        vstore8(hits.cosine, 0, cosine);
-        vstore8(ct, 0, z);
-        vstore8(hits.held, 0, held);
-        const int lanes = min(8, r1 - row + 1);
-        for (int lane = 0; lane < lanes; ++lane) {
-          if (!held[lane]) continue;
-          const int hemisphere = z[lane] < 0.0;
-          const double8 j = hit_amplitude(
-              patch, hemisphere, w[0][lane], w[1][lane], w[2][lane], w[3][lane], sine[lane], cosine[lane], mirror);
-          accumulate(column_sums + (size_t)(row + lane) * ACCUMULATOR, j, c, mirror * s, hemisphere);
-        }
-      }
-    }
-  }
-}
 
 // Where eight neighbouring cells may hold directions: columns and rows, in the table's units, margins included; lo > hi
 // where they hold none.
@@ -460,6 +451,63 @@ double tile_energy(constant const job_t* job, tile_t tile, global const double* 
   return 0.25 * sum * job->step * job->step;
 }
 
+#ifdef __has_builtin
+#if __has_builtin(__builtin_prefetch)
+#define PREFETCH_ROWS                                                                               \
+  {                                                                                                 \
+    global double* from = sums + ((size_t)column * job->rows + span.row0) * ACCUMULATOR;            \
+    for (int n = min(span.row1 - span.row0, 15); n >= 0; --n, from += ACCUMULATOR)                  \
+      __builtin_prefetch((const void*)(size_t)from, 1, 3);                                                  \
+  }
+#endif
+#endif
+#ifndef PREFETCH_ROWS
+#define PREFETCH_ROWS
+#endif
+#define TIGHTEN_SPAN
+
+// Rows row0..row1 of one column that a cell may hold.
+typedef struct {
+  int cell, column, row0, row1, mirror;
+} span_t;
+#define SPANS 128
+
+// Adds what the cell sends into the rows of its span. sines and cosines of the rows are padded with zeros beyond the
+// last row: a zero vector lies in no patch.
+inline void lay_span(constant const job_t* job, span_t span, const double* patches, global const double* scratch,
+                     int cells_at, global const double* sin_theta, global const double* cos_theta,
+                     global const double* cos_phi, global const double* sin_phi, global double* sums) {
+  const double* patch = patches + span.cell;
+  const int at = cells_at + span.cell;
+  double phase[4];
+  load_phases(scratch, at, phase);
+  const patch_jones jones = load_jones(scratch, at);
+  const double c = cos_phi[span.column], s = span.mirror * sin_phi[span.column];
+  global double* column_sums = sums + (size_t)span.column * job->rows * ACCUMULATOR;
+  const int passes = patch[PATCH_FIRST * TILE] * patch[PATCH_SECOND * TILE] < 0.0 ? 2 : 1;
+  for (int pass = 0; pass < passes; ++pass)
+    for (int row = span.row0; row <= span.row1; row += 8) {
+      column_hits hits;
+      const double8 ct = vload8(0, cos_theta + row);
+      if (!hits_in_column(patch, TILE, phase, pass, c, s, vload8(0, sin_theta + row), ct, &hits)) continue;
+      double w[4][8], sine[8], cosine[8];
+      long held[8];
+#pragma unroll
+      for (int corner = 0; corner < 4; ++corner) vstore8(hits.weight[corner], 0, w[corner]);
+      vstore8(hits.sine, 0, sine);
+      vstore8(hits.cosine, 0, cosine);
+      vstore8(hits.held, 0, held);
+      const int lanes = min(8, span.row1 - row + 1);
+      for (int lane = 0; lane < lanes; ++lane) {
+        if (!held[lane]) continue;
+        const double cos_theta_here = cos_theta[row + lane];
+        const double8 j = hit_amplitude(&jones, w[0][lane], w[1][lane], w[2][lane], w[3][lane], sine[lane], cosine[lane],
+                                        cos_theta_here, c, s, span.mirror);
+        accumulate(column_sums + (size_t)(row + lane) * ACCUMULATOR, j, c, span.mirror * s, cos_theta_here < 0.0);
+      }
+    }
+}
+
 // Tiles first..last-1 into one table of sums [column][row][ACCUMULATOR]. One work-item: the order of the additions is
 // the order of the tiles, whatever runs beside it.
 kernel void raster_tiles(
@@ -467,42 +515,58 @@ kernel void raster_tiles(
     global const int* wanted, global const double* sin_theta, global const double* cos_theta,
     global const double* cos_phi, global const double* sin_phi, global double* scratch, global double* sums,
     global double* energy) {
+  double patches[PATCH_FIELDS * TILE];
+  span_t spans[SPANS];
   for (int t = first; t < last; ++t) {
     const tile_t tile = tiles[t];
     for (int p = 0; p <= job->last_order; ++p) {
       trace_tile(surface, job, tile, p, scratch);
       energy[t * (job->last_order + 1) + p] = tile_energy(job, tile, scratch);
       if (!wanted[p]) continue;
-      for (int j = 0; j < tile.cells_j; ++j)
+      for (int j = 0; j < tile.cells_j; ++j) {
+        const int cells_at = j * TILE_RAYS;
+        int count = 0;
+#define LAY_SPANS                                                                                                \
+  for (int n = 0; n < count; ++n)                                                                                \
+    lay_span(job, spans[n], patches, scratch, cells_at, sin_theta, cos_theta, cos_phi, sin_phi, sums);           \
+  count = 0;
         for (int i = 0; i < tile.cells_i; i += 8) {
-          const cell_bounds b = bound_cells(job, scratch, j * TILE_RAYS + i);
+          const cell_bounds b = bound_cells(job, scratch, cells_at + i);
           const double8 c0 = fmax(ceil(b.column_lo), 0.0), c1 = fmin(floor(b.column_hi), job->columns - 1.0);
           const double8 r0 = fmax(ceil(b.row_lo), 0.0), r1 = fmin(floor(b.row_hi), job->rows - 1.0);
-          const long8 some = (c0 <= c1) & (r0 <= r1);
+          const long8 reflected = tile.flags & TILE_DIRECT ? (long8)(0) : b.below;
+          const long8 some = (c0 <= c1) & (r0 <= r1) & (b.above | reflected);
           if (!any(some)) continue;
-          double c0s[8], c1s[8], r0s[8], r1s[8];
-          long hold[8], above[8], below[8];
-          vstore8(c0, 0, c0s);
-          vstore8(c1, 0, c1s);
-          vstore8(r0, 0, r0s);
-          vstore8(r1, 0, r1s);
+          make_patches(job, tile, p, scratch, i, j, TILE, patches + i);
+          const int8 c0s = convert_int8(c0), c1s = convert_int8(c1), r0s = convert_int8(r0), r1s = convert_int8(r1);
+          int first_column[8], last_column[8], first_row[8], last_row[8];
+          long hold[8], above[8], mirrored[8];
+          vstore8(c0s, 0, first_column);
+          vstore8(c1s, 0, last_column);
+          vstore8(r0s, 0, first_row);
+          vstore8(r1s, 0, last_row);
           vstore8(some, 0, hold);
           vstore8(b.above, 0, above);
-          vstore8(b.below, 0, below);
+          vstore8(reflected, 0, mirrored);
           const int lanes = min(8, tile.cells_i - i);
           for (int lane = 0; lane < lanes; ++lane) {
             if (!hold[lane]) continue;
-            const int reflected = below[lane] && !(tile.flags & TILE_DIRECT);
-            if (!above[lane] && !reflected) continue;
-            patch_t patch;
-            if (!make_patch(job, tile, p, scratch, i + lane, j, &patch)) continue;
-            const int column0 = (int)c0s[lane], column1 = (int)c1s[lane], row0 = (int)r0s[lane], row1 = (int)r1s[lane];
-            if (above[lane])
-              lay_patch(&patch, column0, column1, row0, row1, 1, job->rows, sin_theta, cos_theta, cos_phi, sin_phi, sums);
-            if (reflected)
-              lay_patch(&patch, column0, column1, row0, row1, -1, job->rows, sin_theta, cos_theta, cos_phi, sin_phi, sums);
+            for (int column = first_column[lane]; column <= last_column[lane]; ++column) {
+              span_t span = {i + lane, column, first_row[lane], last_row[lane], 1};
+              TIGHTEN_SPAN
+              // The sums are far larger than any cache: ask for the rows while the other spans are worked off.
+              PREFETCH_ROWS
+              if (above[lane]) spans[count++] = span;
+              span.mirror = -1;
+              if (mirrored[lane]) spans[count++] = span;
+              if (count > SPANS - 2) {
+                LAY_SPANS
+              }
+            }
           }
         }
+        LAY_SPANS
+      }
     }
   }
 }
@@ -547,6 +611,7 @@ kernel void evaluate_candidates(
     constant double* surface, constant job_t* job, global const tile_t* tiles, global const int* first, int count,
     global const candidate_t* candidates, global const double* directions, global double* scratch, global double* out) {
   global double* own = scratch + (size_t)get_global_id(0) * SCRATCH_DOUBLES;
+  double patches[PATCH_FIELDS * 8];
   for (int t = get_global_id(0); t < count; t += get_global_size(0)) {
     const tile_t tile = tiles[t];
     int next = first[t];
@@ -567,27 +632,28 @@ kernel void evaluate_candidates(
             const cell_bounds b = bound_cells(job, own, j * TILE_RAYS + i);
             const long8 some = (b.column_lo <= phi) & (phi <= b.column_hi) & (b.row_lo <= theta) & (theta <= b.row_hi);
             if (!any(some)) continue;
-            long hold[8], side[8];
-            vstore8(some, 0, hold);
-            vstore8(candidate.mirror > 0 ? b.above : b.below, 0, side);
+            make_patches(job, tile, p, own, i, j, 8, patches);
+            long hold[8];
+            vstore8(some & (candidate.mirror > 0 ? b.above : b.below), 0, hold);
             const int lanes = min(8, tile.cells_i - i);
             for (int lane = 0; lane < lanes; ++lane) {
-              if (!hold[lane] || !side[lane]) continue;
-              patch_t patch;
-              if (!make_patch(job, tile, p, own, i + lane, j, &patch)) continue;
-              for (int pass = 0; pass < (patch.folded ? 2 : 1); ++pass) {
-                const int use_first = (!patch.folded || pass == 0) && patch.first_factor > 0.0;
-                const int use_second = (!patch.folded || pass == 1) && patch.second_factor > 0.0;
+              if (!hold[lane]) continue;
+              const int at = j * TILE_RAYS + i + lane;
+              double phase[4];
+              load_phases(own, at, phase);
+              const patch_jones jones = load_jones(own, at);
+              const double s = candidate.mirror * direction[5];
+              for (int pass = 0; pass < 2; ++pass) {
                 column_hits hits;
-                if (!hits_in_column(&patch, use_first, use_second, direction[4], candidate.mirror * direction[5],
-                                    sin_theta, cos_theta, &hits) ||
+                if (pass == 1 && !(patches[PATCH_FIRST * 8 + lane] * patches[PATCH_SECOND * 8 + lane] < 0.0)) break;
+                if (!hits_in_column(patches + lane, 8, phase, pass, direction[4], s, sin_theta, cos_theta, &hits) ||
                     !hits.held.s0)
                   continue;
-                const int hemisphere = direction[3] < 0.0;
                 accumulate(sum,
-                           hit_amplitude(&patch, hemisphere, hits.weight[0].s0, hits.weight[1].s0, hits.weight[2].s0,
-                                         hits.weight[3].s0, hits.sine.s0, hits.cosine.s0, candidate.mirror),
-                           direction[4], direction[5], hemisphere);
+                           hit_amplitude(&jones, hits.weight[0].s0, hits.weight[1].s0, hits.weight[2].s0,
+                                         hits.weight[3].s0, hits.sine.s0, hits.cosine.s0, direction[3], direction[4], s,
+                                         candidate.mirror),
+                           direction[4], direction[5], direction[3] < 0.0);
               }
             }
           }
