@@ -1,0 +1,389 @@
+#include <scatter/optics/errors.hpp>
+#include <scatter/scene/plot.hpp>
+#include <scatter/table/atomic_file.hpp>
+
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string_view>
+
+extern char** environ;
+
+namespace scatter::scene {
+namespace {
+
+/// Okabe & Ito, "Color Universal Design" (2008), darkest first on white.
+constexpr std::array<const char*, 7> palette{"#0072B2", "#D55E00", "#009E73", "#CC79A7",
+                                             "#000000", "#E69F00", "#56B4E9"};
+constexpr const char* font = "DejaVu Sans";
+constexpr int text_px = 15;     ///< height of a line of text
+constexpr int character_px = 8; ///< width of a character, rather too much than too little
+
+/// A file without a name: gone when it is closed, however the process ends.
+struct TemporaryFile {
+  TemporaryFile() : file(std::tmpfile(), &std::fclose) {
+    if (!file)
+      throw RunError(fmt::format("cannot make a temporary file for gnuplot: {}", std::strerror(errno)));
+  }
+  [[nodiscard]] int descriptor() const { return ::fileno(file.get()); }
+  void write(std::string_view text) const {
+    if (std::fwrite(text.data(), 1, text.size(), file.get()) != text.size() || std::fflush(file.get()) != 0)
+      throw RunError(fmt::format("cannot write a temporary file for gnuplot: {}", std::strerror(errno)));
+    std::rewind(file.get());
+  }
+  [[nodiscard]] std::string read() const {
+    std::string text;
+    std::array<char, 65536> buffer{};
+    std::rewind(file.get());
+    while (const std::size_t count = std::fread(buffer.data(), 1, buffer.size(), file.get()))
+      text.append(buffer.data(), count);
+    return text;
+  }
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file;
+};
+
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r' || c == '\t') c = ' ';
+  const auto first = text.find_first_not_of(" ");
+  if (first == std::string::npos) return "no message";
+  text = text.substr(first);
+  return text.size() > 300 ? text.substr(0, 300) + "..." : text;
+}
+
+std::string run_gnuplot(const std::string& script) {
+  const TemporaryFile input, output, errors;
+  input.write(script);
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, input.descriptor(), STDIN_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, output.descriptor(), STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, errors.descriptor(), STDERR_FILENO);
+  // The user's own settings of gnuplot must not change our pictures.
+  std::string program = "gnuplot", option = "--default-settings";
+  char* arguments[] = {program.data(), option.data(), nullptr};
+  pid_t child = 0;
+  const int error = ::posix_spawnp(&child, program.c_str(), &actions, nullptr, arguments, environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (error == ENOENT)
+    throw RunError("plots are drawn by gnuplot, which is not installed: apt-get install gnuplot-nox");
+  if (error != 0) throw RunError(fmt::format("gnuplot does not start: {}", std::strerror(error)));
+  int status = 0;
+  while (::waitpid(child, &status, 0) < 0)
+    if (errno != EINTR) throw RunError(fmt::format("gnuplot is lost: {}", std::strerror(errno)));
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
+    throw RunError(fmt::format("gnuplot failed: {}", one_line(errors.read())));
+  std::string picture = output.read();
+  if (picture.empty()) throw RunError(fmt::format("gnuplot drew nothing: {}", one_line(errors.read())));
+  return picture;
+}
+
+/// A text in gnuplot's single quotes, where only the quote itself is special.
+std::string quoted(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) {
+    if (c == '\'') out += '\'';
+    out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  }
+  return out += '\'';
+}
+
+/// Characters, not bytes, of a text in UTF-8.
+int length(const std::string& text) {
+  return static_cast<int>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+bool drawable(double y, bool log_y) {
+  return std::isfinite(y) && (!log_y || y > 0);
+}
+
+/// Indices of the points to draw: in every bin of x the first, lowest, highest and last, and one point of
+/// every gap.
+std::vector<std::size_t> thin(const Curve& curve, bool log_y, double first, double last, int bins) {
+  std::vector<std::size_t> kept;
+  std::size_t i = 0;
+  while (i < curve.x.size()) {
+    if (!drawable(curve.y[i], log_y)) {
+      if (kept.empty() || kept.back() + 1 == i) kept.push_back(i);
+      ++i;
+      continue;
+    }
+    const double bin = std::floor((curve.x[i] - first) / (last - first) * bins);
+    std::size_t low = i, high = i, end = i;
+    while (end < curve.x.size() && drawable(curve.y[end], log_y) &&
+           std::floor((curve.x[end] - first) / (last - first) * bins) == bin) {
+      if (curve.y[end] < curve.y[low]) low = end;
+      if (curve.y[end] > curve.y[high]) high = end;
+      ++end;
+    }
+    std::array<std::size_t, 4> chosen{i, std::min(low, high), std::max(low, high), end - 1};
+    for (const std::size_t k : chosen)
+      if (kept.empty() || kept.back() < k || k == 0) {
+        if (kept.empty() || kept.back() != k) kept.push_back(k);
+      }
+    i = end;
+  }
+  return kept;
+}
+
+/// A round step that gives between 5 and 12 ticks.
+double tick_step(double span) {
+  for (const double step : {30.0, 20.0, 15.0, 10.0, 5.0, 2.0, 1.0})
+    if (span / step >= 5 && span / step <= 12.5) return step;
+  const double decade = std::pow(10, std::floor(std::log10(span)));
+  for (const double factor : {0.1, 0.2, 0.5, 1.0, 2.0})
+    if (span / (factor * decade) <= 12.5) return factor * decade;
+  return decade;
+}
+
+std::pair<double, double> extent(const Plot& plot, bool of_x) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const Curve& curve : plot.curves)
+    for (std::size_t i = 0; i < curve.x.size(); ++i) {
+      if (plot.x_range && (curve.x[i] < plot.x_range->first || curve.x[i] > plot.x_range->second)) continue;
+      if (!drawable(curve.y[i], plot.log_y) || !std::isfinite(curve.x[i])) continue;
+      if (of_x) {
+        low = std::min(low, curve.x[i]);
+        high = std::max(high, curve.x[i]);
+        continue;
+      }
+      // A band counts too, but one far wider than its curve must not squeeze all curves into a line.
+      const double y = curve.y[i], reach = 2 * std::abs(y);
+      low = std::min(
+          {low, y, curve.lower.empty() ? y : std::max(curve.lower[i], plot.log_y ? y / 3 : y - reach)});
+      high = std::max({high, y, curve.upper.empty() ? y : std::min(curve.upper[i], y + reach)});
+    }
+  if (!(low <= high)) return plot.log_y && !of_x ? std::pair(0.1, 1.0) : std::pair(0.0, 1.0);
+  if (low == high) return plot.log_y && !of_x ? std::pair(low / 2, high * 2) : std::pair(low - 1, high + 1);
+  return {low, high};
+}
+
+struct Script {
+  std::string text;
+  template <class... Args>
+  void line(fmt::format_string<Args...> format, Args&&... args) {
+    fmt::format_to(std::back_inserter(text), format, std::forward<Args>(args)...);
+    text += '\n';
+  }
+};
+
+void check(const Plot& plot) {
+  if (plot.curves.empty()) throw std::invalid_argument("a plot needs at least one curve");
+  for (const Curve& curve : plot.curves) {
+    const bool band = !curve.lower.empty() || !curve.upper.empty();
+    if (curve.x.size() != curve.y.size() ||
+        (band && (curve.lower.size() != curve.x.size() || curve.upper.size() != curve.x.size())))
+      throw std::invalid_argument("the arrays of curve '" + curve.label + "' differ in length");
+  }
+}
+
+} // namespace
+
+PictureFormat picture_format(const std::filesystem::path& path) {
+  if (path.extension() == ".png") return PictureFormat::png;
+  if (path.extension() == ".svg") return PictureFormat::svg;
+  throw InputError(fmt::format("{}: a picture is written as .png or .svg", path.string()));
+}
+
+std::string draw(const Plot& plot, PictureFormat format) {
+  check(plot);
+  const auto [x_first, x_last] = plot.x_range ? *plot.x_range : extent(plot, true);
+  auto [y_first, y_last] = plot.y_range ? *plot.y_range : extent(plot, false);
+  if (!plot.y_range) { // a little air
+    if (plot.log_y) {
+      const double air = std::pow(y_last / y_first, 0.04);
+      y_first /= air;
+      y_last *= air;
+    } else {
+      const double air = 0.04 * (y_last - y_first);
+      y_first -= air;
+      y_last += air;
+    }
+  }
+
+  // The layout in pixels from the top: title, strips, legend, curves, axis. Nothing overlaps, because
+  // everything has its own rows.
+  int labels = 0, widest = 0, strip_label = 0;
+  for (const Curve& curve : plot.curves)
+    if (!curve.label.empty()) {
+      ++labels;
+      widest = std::max(widest, length(curve.label));
+    }
+  for (const ColourStrip& strip : plot.strips) strip_label = std::max(strip_label, length(strip.label));
+  const int left = std::max(96, plot.strips.empty() ? 0 : 16 + strip_label * character_px), right = 24;
+  const int entry_px = widest * character_px + 56;
+  const int columns = std::clamp((plot.width - left - right) / entry_px, 1, std::max(labels, 1));
+  const int legend_rows = labels == 0 ? 0 : (labels + columns - 1) / columns;
+  constexpr int strip_px = 26, gap_px = 5;
+  int top = plot.title.empty() ? 16 : 44;
+  const int strips_top = top;
+  top += static_cast<int>(plot.strips.size()) * (strip_px + gap_px) + (plot.strips.empty() ? 0 : 6);
+  const int legend_top = top;
+  top += legend_rows * (text_px + 5) + (legend_rows > 0 ? 8 : 0);
+  constexpr int bottom = 66;
+  const auto across = [&](int px) { return static_cast<double>(px) / plot.width; };
+  const auto up = [&](int px) { return 1 - static_cast<double>(px) / plot.height; };
+
+  Script s;
+  if (format == PictureFormat::png)
+    s.line(
+        "set terminal pngcairo enhanced size {},{} font '{},11' background '#ffffff'", plot.width,
+        plot.height, font);
+  else
+    s.line(
+        "set terminal svg enhanced standalone size {},{} dynamic font '{},14' background '#ffffff'",
+        plot.width, plot.height, font);
+  s.line("set encoding utf8");
+  s.line("set datafile missing 'nan'");
+  s.line("set multiplot");
+  s.line("set lmargin at screen {}", across(left));
+  s.line("set rmargin at screen {}", across(plot.width - right));
+  s.line("set xrange [{}:{}]", x_first, x_last);
+
+  for (std::size_t i = 0; i < plot.strips.size(); ++i) {
+    const ColourStrip& strip = plot.strips[i];
+    const int strip_top = strips_top + static_cast<int>(i) * (strip_px + gap_px);
+    const double step =
+        (strip.last - strip.first) / static_cast<double>(std::max<std::size_t>(strip.pixels.size(), 1));
+    s.line("$strip{} << END", i);
+    for (std::size_t k = 0; k < strip.pixels.size(); ++k) {
+      const auto& [r, g, b] = strip.pixels[k];
+      // Each box runs on under its neighbour: no hairlines of background where two edges meet within a pixel.
+      const double from = strip.first + static_cast<double>(k) * step,
+                   to = std::min(from + 2 * step, strip.last);
+      s.line("{} {} {}", from, to, (r << 16) | (g << 8) | b);
+    }
+    s.line("END");
+    s.line("set tmargin at screen {}", up(strip_top));
+    s.line("set bmargin at screen {}", up(strip_top + strip_px));
+    s.line("unset tics\nunset key\nset border 15 lc rgb '#444444' lw 0.6\nset yrange [0:1]");
+    s.line(
+        "set label 1 {} at screen {},{} right noenhanced tc rgb '#222222'", quoted(strip.label),
+        across(left - 8), up(strip_top + strip_px / 2));
+    s.line(
+        "plot $strip{} using 1:(0):1:2:(0):(1):3 with boxxyerror fs solid 1 noborder lc rgb variable notitle",
+        i);
+    s.line("unset label 1");
+  }
+
+  for (std::size_t i = 0; i < plot.curves.size(); ++i) {
+    const Curve& curve = plot.curves[i];
+    s.line("$curve{} << END", i);
+    for (const std::size_t k : thin(curve, plot.log_y, x_first, x_last, plot.width)) {
+      if (!drawable(curve.y[k], plot.log_y)) {
+        // An empty line breaks the curve; 'nan' alone would be bridged.
+        s.line("");
+        continue;
+      }
+      const double low = curve.lower.empty() ? curve.y[k] : curve.lower[k];
+      const double high = curve.upper.empty() ? curve.y[k] : curve.upper[k];
+      // Below a logarithmic axis there is no end; the axis' bottom does.
+      s.line("{} {} {} {}", curve.x[k], curve.y[k], plot.log_y ? std::max(low, y_first) : low, high);
+    }
+    s.line("END");
+  }
+  s.line("set tmargin at screen {}", up(top));
+  s.line("set bmargin at screen {}", up(plot.height - bottom));
+  if (!plot.title.empty())
+    s.line(
+        "set label 2 {} at screen {},{} center noenhanced font '{},{}'", quoted(plot.title),
+        across((left + plot.width - right) / 2), up(22), font, format == PictureFormat::png ? 13 : 17);
+  s.line("set border 3 lc rgb '#444444' lw 1");
+  s.line("set grid xtics ytics lc rgb '#dddddd' lw 0.7 lt 1");
+  s.line(
+      "set label 4 {} at screen {},{} center noenhanced", quoted(plot.x_label),
+      across((left + plot.width - right) / 2), up(plot.height - 13));
+  s.line(
+      "set label 3 {} at screen {},{} center rotate noenhanced", quoted(plot.y_label), across(20),
+      up((top + plot.height - bottom) / 2));
+  s.line("set xtics nomirror out {} offset 0,0.3 tc rgb '#222222'", tick_step(x_last - x_first));
+  s.line("set ytics nomirror out tc rgb '#222222'");
+  s.line("set mxtics");
+  s.line("set yrange [{}:{}]", y_first, y_last);
+  if (plot.log_y) {
+    s.line("set logscale y");
+    const double decades = std::log10(y_last / y_first);
+    if (decades > 2) {
+      // Every decade has a tick; where there are many, only some have a label.
+      s.line("set format y '10^{{%T}}'");
+      s.line("set ytics {}", decades > 12 ? 1000 : decades > 8 ? 100 : 10);
+      s.line("set mytics 10");
+    } else if (decades < 0.9) {
+      s.line("set format y '%g'");
+      // Too little for powers of ten: evenly spaced values, as on a linear axis.
+      const double step = tick_step(y_last - y_first);
+      std::string tics;
+      for (double n = std::ceil(y_first / step); n * step <= y_last; ++n)
+        tics += fmt::format("{}{:.12g}", tics.empty() ? "" : ",", n * step);
+      s.line("set ytics ({})", tics);
+    } else {
+      s.line("set format y '%g'");
+      std::string tics;
+      for (int power = static_cast<int>(std::floor(std::log10(y_first))); power <= std::log10(y_last);
+           ++power)
+        for (const int digit : {1, 2, 5})
+          tics += fmt::format("{}{}e{}", tics.empty() ? "" : ",", digit, power);
+      s.line("set ytics ({})", tics);
+    }
+  } else {
+    s.line("set ytics autofreq");
+  }
+  if (labels > 0)
+    s.line(
+        "set key at screen {},{} center top horizontal maxcols {} noenhanced reverse Left samplen 2.5 "
+        "spacing 1.2 tc rgb "
+        "'#222222'",
+        across((left + plot.width - right) / 2), up(legend_top), columns);
+  else
+    s.line("unset key");
+  std::string command;
+  std::size_t next = 0;
+  std::vector<std::string> colours;
+  for (const Curve& curve : plot.curves)
+    colours.push_back(curve.colour.empty() ? palette[next++ % palette.size()] : curve.colour);
+  const auto append = [&](const std::string& part) { command += (command.empty() ? "plot " : ", ") + part; };
+  for (std::size_t i = 0; i < plot.curves.size(); ++i)
+    if (!plot.curves[i].lower.empty())
+      append(fmt::format(
+          "$curve{} using 1:3:4 with filledcurves fs transparent solid 0.25 noborder fc rgb '{}' notitle", i,
+          colours[i]));
+  for (std::size_t i = 0; i < plot.curves.size(); ++i) {
+    const Curve& curve = plot.curves[i];
+    append(fmt::format(
+        "$curve{} using 1:2 with {} lc rgb '{}' lw {}{} {}", i, curve.x.size() == 1 ? "points pt 7" : "lines",
+        colours[i], curve.width, curve.dashed && curve.x.size() > 1 ? " dt 2" : "",
+        curve.label.empty() ? "notitle" : "title " + quoted(curve.label)));
+  }
+  s.line("{}", command);
+  s.line("unset multiplot");
+
+  std::string picture = run_gnuplot(s.text);
+  const std::string_view end =
+      format == PictureFormat::png ? std::string_view("IEND\xAE\x42\x60\x82", 8) : "</svg>";
+  const auto last = picture.find_last_not_of(format == PictureFormat::png ? "" : " \r\n\t");
+  if (last == std::string::npos || !std::string_view(picture).substr(0, last + 1).ends_with(end))
+    throw RunError("gnuplot failed: its picture is cut off");
+  return picture;
+}
+
+void write_plot(const std::filesystem::path& path, const Plot& plot) {
+  const PictureFormat format = picture_format(path);
+  table::PartFile file(path);
+  table::FileWriter out(file.descriptor(), path.string());
+  out.write(draw(plot, format));
+  out.flush();
+  file.commit();
+}
+
+} // namespace scatter::scene

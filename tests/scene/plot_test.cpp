@@ -1,0 +1,140 @@
+#include <scatter/optics/errors.hpp>
+#include <scatter/scene/plot.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+namespace scatter::scene {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+Plot example() {
+  Plot plot{
+      .title = "it's 'quoted', under_score, <tag> & ^caret", .x_label = "angle (deg)", .y_label = "value"};
+  plot.log_y = true;
+  for (const double order : {1.0, 2.0}) {
+    Curve curve{.label = order > 1 ? "second" : "first"};
+    for (int i = 0; i <= 1000; ++i) {
+      const double x = i * 0.18;
+      curve.x.push_back(x);
+      curve.y.push_back(std::exp(-order * x / 40) * (1.1 + std::sin(x)));
+      curve.lower.push_back(0.9 * curve.y.back());
+      curve.upper.push_back(1.1 * curve.y.back());
+    }
+    plot.curves.push_back(curve);
+  }
+  plot.strips.push_back(
+      {.label = "red to blue", .first = 0, .last = 180, .pixels = {{255, 0, 0}, {0, 0, 255}}});
+  return plot;
+}
+
+TEST(Plot, SvgHoldsEveryTextAndColour) {
+  const std::string svg = draw(example(), PictureFormat::svg);
+  EXPECT_THAT(svg, AllOf(HasSubstr("<svg"), HasSubstr("</svg>"), HasSubstr("viewBox=\"0 0 1000 640\"")));
+  for (const char* text :
+       {"it's 'quoted', under_score, &lt;tag> &amp; ^caret", "angle (deg)", "value", "first", "second",
+        "red to blue"})
+    EXPECT_THAT(svg, HasSubstr(text));
+  EXPECT_THAT(svg, AllOf(HasSubstr("rgb(255,   0,   0)"), HasSubstr("rgb(  0,   0, 255)")));
+}
+
+TEST(Plot, PngHasTheSizeThatWasAsked) {
+  Plot plot = example();
+  plot.width = 700;
+  plot.height = 500;
+  const std::string png = draw(plot, PictureFormat::png);
+  ASSERT_THAT(png, StartsWith("\x89PNG\r\n"));
+  const auto number = [&](std::size_t at) {
+    return static_cast<unsigned char>(png[at + 2]) * 256 + static_cast<unsigned char>(png[at + 3]);
+  };
+  EXPECT_EQ(number(16), 700);
+  EXPECT_EQ(number(20), 500);
+}
+
+TEST(Plot, IsTheSameForTheSameInput) {
+  EXPECT_EQ(draw(example(), PictureFormat::svg), draw(example(), PictureFormat::svg));
+}
+
+TEST(Plot, LongCurvesAreThinnedButKeepTheirPeaks) {
+  Plot plot{.title = "", .x_label = "x", .y_label = "y"};
+  Curve curve;
+  for (int i = 0; i < 1000000; ++i) {
+    curve.x.push_back(i);
+    curve.y.push_back(i == 654321 ? 1.0 : 0.0);
+  }
+  plot.curves.push_back(curve);
+  plot.y_range = {0, 2};
+  const std::string svg = draw(plot, PictureFormat::svg);
+  EXPECT_LT(svg.size(), 200000u);
+  plot.curves[0].y[654321] = 0;
+  EXPECT_NE(draw(plot, PictureFormat::svg), svg);
+}
+
+TEST(Plot, ValuesThatCannotBeDrawnLeaveAGap) {
+  Plot plot = example();
+  plot.curves.resize(1);
+  plot.strips.clear();
+  const std::string whole = draw(plot, PictureFormat::svg);
+  plot.curves[0].y[500] = std::numeric_limits<double>::quiet_NaN();
+  plot.curves[0].y[501] = -1;
+  const std::string broken = draw(plot, PictureFormat::svg);
+  EXPECT_NE(whole, broken);
+  EXPECT_THAT(broken, Not(HasSubstr("nan")));
+  for (double& y : plot.curves[0].y) y = 0;
+  EXPECT_THAT(draw(plot, PictureFormat::svg), HasSubstr("angle (deg)"));
+}
+
+TEST(Plot, WrongRequestsAreRefused) {
+  EXPECT_THROW(static_cast<void>(draw(Plot{}, PictureFormat::svg)), std::invalid_argument);
+  Plot plot = example();
+  plot.curves[0].y.pop_back();
+  EXPECT_THROW(static_cast<void>(draw(plot, PictureFormat::svg)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(picture_format("a.jpg")), InputError);
+  EXPECT_THROW(write_plot("/no/such/folder/a.png", example()), InputError);
+}
+
+TEST(Plot, AFailingOrMissingGnuplotIsARunErrorAndLeavesNoFile) {
+  std::string pattern = (std::filesystem::temp_directory_path() / "scatter-test-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
+  const std::filesystem::path folder = pattern;
+  const std::string path_before = ::getenv("PATH");
+  const auto message = [&] {
+    try {
+      write_plot(folder / "a.svg", example());
+    } catch (const RunError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  ::setenv("PATH", folder.c_str(), 1);
+  EXPECT_THAT(message(), HasSubstr("not installed"));
+  const auto pretend = [&](const char* script) {
+    std::ofstream(folder / "gnuplot") << "#!/bin/sh\n" << script;
+    std::filesystem::permissions(folder / "gnuplot", std::filesystem::perms::owner_all);
+  };
+  pretend("echo broken >&2\nexit 3\n");
+  EXPECT_THAT(message(), AllOf(HasSubstr("gnuplot failed: broken"), Not(HasSubstr("\n"))));
+  pretend("echo '<svg>'\n");
+  EXPECT_THAT(message(), HasSubstr("cut off"));
+  pretend("exit 0\n");
+  EXPECT_THAT(message(), HasSubstr("drew nothing"));
+  ::setenv("PATH", path_before.c_str(), 1);
+  EXPECT_FALSE(std::filesystem::exists(folder / "a.svg"));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1); // the pretended gnuplot
+  write_plot(folder / "a.svg", example());
+  EXPECT_TRUE(std::filesystem::exists(folder / "a.svg"));
+  std::filesystem::remove_all(folder);
+}
+
+} // namespace
+} // namespace scatter::scene
