@@ -43,10 +43,10 @@ typedef struct {
   int interior_steps, rim_steps;
 } job_t;
 
-// Angle of the point (x, y), y >= 0, in [0, pi] to 2e-8: Abramowitz & Stegun 4.4.49.
-inline real quick_angle(real y, real x) {
-  const real a = fabs(x), big = fmax(a, y), small_ = fmin(a, y);
-  const real q = small_ / fmax(big, 1e-300), q2 = q * q;
+// Angle of the point (x, y), y >= 0, in [0, pi] to 2e-8: Abramowitz & Stegun 4.4.49. ratio: the smaller of |x| and y
+// over the larger.
+inline real quick_angle(real y, real x, real ratio) {
+  const real q2 = ratio * ratio;
   real s = 0.0028662257;
   s = s * q2 - 0.0161657367;
   s = s * q2 + 0.0429096138;
@@ -55,9 +55,18 @@ inline real quick_angle(real y, real x) {
   s = s * q2 - 0.1420889944;
   s = s * q2 + 0.1999355085;
   s = s * q2 - 0.3333314528;
-  real angle = q + q * q2 * s;
-  angle = select(angle, 1.5707963267948966 - angle, y > a);
+  real angle = ratio + ratio * q2 * s;
+  angle = select(angle, 1.5707963267948966 - angle, y > fabs(x));
   return select(angle, 3.141592653589793 - angle, x < 0.0);
+}
+
+// Scattering angle and absolute azimuth of a direction, good enough to find candidates.
+inline void quick_direction(vector3 d, real* theta, real* phi) {
+  const real x = fabs(d.x), y = fabs(d.y), z = fabs(d.z), rho = sqrt(x * x + y * y);
+  const real theta_big = fmax(rho, z), phi_big = fmax(fmax(x, y), 1e-100);
+  const real inverse = 1.0 / (theta_big * phi_big);
+  *theta = quick_angle(rho, d.z, fmin(rho, z) * inverse * phi_big);
+  *phi = quick_angle(y, d.x, fmin(x, y) * inverse * theta_big);
 }
 
 inline void load_state(global const double* scratch, int at, ray_state* ray) {
@@ -135,8 +144,8 @@ void trace_tile(constant const double* surface, constant const job_t* job, tile_
     store_real(out.d.z, field + EXIT_Z * TILE_PADDED);
     const double focal = job->focal_lines ? 0.5 : 0.0;
     store_real(job->wave * out.path - focal * out.axis_crossings, field + EXIT_PHASE * TILE_PADDED);
-    const real theta = quick_angle(sqrt(out.d.x * out.d.x + out.d.y * out.d.y), out.d.z);
-    const real phi = quick_angle(fabs(out.d.y), out.d.x);
+    real theta, phi;
+    quick_direction(out.d, &theta, &phi);
     store_real((theta - job->row_origin) * job->rows_per_radian, field + EXIT_ROW * TILE_PADDED);
     const real column = (phi - job->column_origin) * job->columns_per_radian;
     store_real(select(column, (real)(NOWHERE), lost), field + EXIT_COLUMN * TILE_PADDED);
@@ -272,29 +281,34 @@ inline patch_jones load_jones(global const double* scratch, int at) {
   return jones;
 }
 
-// sin and cos of pi times x: reduction to an eighth of a turn is exact, then Taylor to below half an ulp.
+// sin and cos of pi times x: reduction to half a turn is exact, then Taylor to below an ulp of 1, without any choice
+// between lanes.
 inline double8 sin_cos_half_turns(double8 x, double8* cosine) {
-  const double8 k = rint(x + x), y = (x - 0.5 * k) * 3.14159265358979323846, y2 = y * y;
-  double8 s = -7.6471637318198164759e-13, c = -1.1470745597729724714e-11;
-  s = s * y2 + 1.6059043836821614599e-10;
-  c = c * y2 + 2.0876756987868098979e-9;
-  s = s * y2 - 2.5052108385441718775e-8;
-  c = c * y2 - 2.7557319223985890653e-7;
-  s = s * y2 + 2.7557319223985890653e-6;
-  c = c * y2 + 2.4801587301587301587e-5;
-  s = s * y2 - 1.9841269841269841270e-4;
-  c = c * y2 - 1.3888888888888888889e-3;
-  s = s * y2 + 8.3333333333333333333e-3;
-  c = c * y2 + 4.1666666666666666667e-2;
-  s = s * y2 - 1.6666666666666666667e-1;
+  const double8 k = rint(x), y = (x - k) * 3.14159265358979323846, y2 = y * y;
+  const double8 sign = 1.0 - 2.0 * (k - 2.0 * floor(0.5 * k));
+  double8 s = -3.868170170630684e-23, c = -8.896791392450574e-22;
+  s = s * y2 + 1.9572941063391263e-20;
+  c = c * y2 + 4.110317623312165e-19;
+  s = s * y2 - 8.22063524662433e-18;
+  c = c * y2 - 1.5619206968586225e-16;
+  s = s * y2 + 2.8114572543455206e-15;
+  c = c * y2 + 4.779477332387385e-14;
+  s = s * y2 - 7.647163731819816e-13;
+  c = c * y2 - 1.1470745597729725e-11;
+  s = s * y2 + 1.6059043836821613e-10;
+  c = c * y2 + 2.08767569878681e-09;
+  s = s * y2 - 2.505210838544172e-08;
+  c = c * y2 - 2.755731922398589e-07;
+  s = s * y2 + 2.7557319223985893e-06;
+  c = c * y2 + 2.48015873015873e-05;
+  s = s * y2 - 0.0001984126984126984;
+  c = c * y2 - 0.001388888888888889;
+  s = s * y2 + 0.008333333333333333;
+  c = c * y2 + 0.041666666666666664;
+  s = s * y2 - 0.16666666666666666;
   c = c * y2 - 0.5;
-  s = s * y2 * y + y;
-  c = c * y2 + 1.0;
-  const double8 quarter = k - 4.0 * floor(0.25 * k);
-  const long8 odd = (quarter == 1.0) | (quarter == 3.0);
-  const double8 sine = select(s, c, odd), cosine_ = select(c, s, odd);
-  *cosine = select(cosine_, -cosine_, (quarter == 1.0) | (quarter == 2.0));
-  return select(sine, -sine, quarter >= 2.0);
+  *cosine = (c * y2 + 1.0) * sign;
+  return (s * y2 * y + y) * sign;
 }
 
 typedef struct {
@@ -392,6 +406,8 @@ inline void accumulate(global double* sum, double8 j, double cos_phi, double sin
 typedef struct {
   double8 column_lo, column_hi, row_lo, row_hi;
   long8 above, below; // the cell reaches into y >= 0, into y < 0
+  double8 bend;       // how far its edges may stray, in rows, from straight lines between the corners' columns and rows
+  long8 plain;        // that is so: no pole, no seam, not too wide
 } cell_bounds;
 
 #define FAR_AWAY 1e30
@@ -434,6 +450,12 @@ inline cell_bounds bound_cells(constant const job_t* job, global const double* s
   b.column_hi = select(b.column_hi, (double8)(-FAR_AWAY), lost);
   b.above = y_hi >= 0.0;
   b.below = y_lo < 0.0;
+  // Along a great circle theta'' = sin cos + 2 cot theta'^2, primes by phi: the chord errs by spread^2/8 times that.
+  const double8 tall = (row_hi - row_lo) / job->rows_per_radian;
+  const double8 theta_lo = row_lo / job->rows_per_radian + job->row_origin;
+  const double8 from_pole = fmin(theta_lo, 3.1415926 - theta_lo - tall);
+  b.plain = !(across | wide | (from_pole < 0.01));
+  b.bend = rise + 0.27 * tall * tall / from_pole * job->rows_per_radian;
   return b;
 }
 
@@ -455,7 +477,7 @@ double tile_energy(constant const job_t* job, tile_t tile, global const double* 
 #if __has_builtin(__builtin_prefetch)
 #define PREFETCH_ROWS                                                                               \
   {                                                                                                 \
-    global double* from = sums + ((size_t)column * job->rows + span.row0) * ACCUMULATOR;            \
+    global double* from = sums + ((size_t)span.column * job->rows + span.row0) * ACCUMULATOR;            \
     for (int n = min(span.row1 - span.row0, 15); n >= 0; --n, from += ACCUMULATOR)                  \
       __builtin_prefetch((const void*)(size_t)from, 1, 3);                                                  \
   }
@@ -464,7 +486,6 @@ double tile_energy(constant const job_t* job, tile_t tile, global const double* 
 #ifndef PREFETCH_ROWS
 #define PREFETCH_ROWS
 #endif
-#define TIGHTEN_SPAN
 
 // Rows row0..row1 of one column that a cell may hold.
 typedef struct {
@@ -538,22 +559,45 @@ kernel void raster_tiles(
           const long8 some = (c0 <= c1) & (r0 <= r1) & (b.above | reflected);
           if (!any(some)) continue;
           make_patches(job, tile, p, scratch, i, j, TILE, patches + i);
-          const int8 c0s = convert_int8(c0), c1s = convert_int8(c1), r0s = convert_int8(r0), r1s = convert_int8(r1);
-          int first_column[8], last_column[8], first_row[8], last_row[8];
-          long hold[8], above[8], mirrored[8];
-          vstore8(c0s, 0, first_column);
-          vstore8(c1s, 0, last_column);
-          vstore8(r0s, 0, first_row);
-          vstore8(r1s, 0, last_row);
-          vstore8(some, 0, hold);
+          // Column by column of all eight cells; where an edge crosses the column, linear between the corners.
+          global const double* field = scratch + SCRATCH_EXIT + cells_at + i;
+#define CORNER(name, offset) vload8(0, field + name * TILE_PADDED + offset)
+          const double8 ca = CORNER(EXIT_COLUMN, 0), cb = CORNER(EXIT_COLUMN, 1);
+          const double8 cc = CORNER(EXIT_COLUMN, TILE_RAYS + 1), cd = CORNER(EXIT_COLUMN, TILE_RAYS);
+          const double8 ra = CORNER(EXIT_ROW, 0), rb = CORNER(EXIT_ROW, 1);
+          const double8 rc = CORNER(EXIT_ROW, TILE_RAYS + 1), rd = CORNER(EXIT_ROW, TILE_RAYS);
+#undef CORNER
+          const double8 ab = (rb - ra) / (cb - ca), bc = (rc - rb) / (cc - cb);
+          const double8 cd_slope = (rd - rc) / (cd - cc), da = (ra - rd) / (ca - cd);
+          long above[8], mirrored[8];
           vstore8(b.above, 0, above);
           vstore8(reflected, 0, mirrored);
           const int lanes = min(8, tile.cells_i - i);
-          for (int lane = 0; lane < lanes; ++lane) {
-            if (!hold[lane]) continue;
-            for (int column = first_column[lane]; column <= last_column[lane]; ++column) {
-              span_t span = {i + lane, column, first_row[lane], last_row[lane], 1};
-              TIGHTEN_SPAN
+          for (double8 column = c0;; column += 1.0) {
+            const long8 active = some & (column <= c1);
+            if (!any(active)) break;
+            double8 lo = FAR_AWAY, hi = -FAR_AWAY;
+#define CROSS(c_from, r_from, c_to, slope)                                  \
+  {                                                                         \
+    const long8 crosses = (c_from <= column) ^ (c_to <= column);            \
+    const double8 row = r_from + (column - c_from) * slope;                 \
+    lo = select(lo, fmin(lo, row), crosses);                                \
+    hi = select(hi, fmax(hi, row), crosses);                                \
+  }
+            CROSS(ca, ra, cb, ab) CROSS(cb, rb, cc, bc) CROSS(cc, rc, cd, cd_slope) CROSS(cd, rd, ca, da)
+#undef CROSS
+            const long8 spanned = b.plain & (lo <= hi);
+            const double8 from = select(r0, fmax(r0, ceil(lo - b.bend)), spanned);
+            const double8 to = select(r1, fmin(r1, floor(hi + b.bend)), spanned);
+            int columns[8], first_row[8], last_row[8];
+            long hold[8];
+            vstore8(convert_int8(column), 0, columns);
+            vstore8(convert_int8(from), 0, first_row);
+            vstore8(convert_int8(to), 0, last_row);
+            vstore8(active & (from <= to), 0, hold);
+            for (int lane = 0; lane < lanes; ++lane) {
+              if (!hold[lane]) continue;
+              span_t span = {i + lane, columns[lane], first_row[lane], last_row[lane], 1};
               // The sums are far larger than any cache: ask for the rows while the other spans are worked off.
               PREFETCH_ROWS
               if (above[lane]) spans[count++] = span;

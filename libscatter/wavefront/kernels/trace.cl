@@ -43,6 +43,8 @@ inline vector3 along3(vector3 p, real t, vector3 d) {
   return c;
 }
 inline vector3 unit3(vector3 a) { return scale3(1.0 / sqrt(dot3(a, a)), a); }
+// The same for a vector that is a unit vector but for rounding: one Newton step.
+inline vector3 still_unit3(vector3 a) { return scale3(1.5 - 0.5 * dot3(a, a), a); }
 
 // Polar curve R(c) and dR/dc at c = cos(angle from straight down).
 #ifdef SURFACE_SPHEROID
@@ -172,7 +174,8 @@ inline complex_real real_ratio(real a, real b) {
 }
 // Outside -> inside, real index n; cosines of the angles of incidence and refraction.
 inline fresnel fresnel_entering(double n, real outside, real inside) {
-  const real s_sum = 1.0 / (outside + n * inside), p_sum = 1.0 / (n * outside + inside);
+  const real s = outside + n * inside, p = n * outside + inside, both = 1.0 / (s * p);
+  const real s_sum = p * both, p_sum = s * both;
   const real t = 2.0 * sqrt(n * outside * inside);
   fresnel f;
   f.r_s.re = (outside - n * inside) * s_sum;
@@ -190,7 +193,8 @@ inline fresnel fresnel_leaving(double n, real inside, real sine2, real* outside)
   const real q = sqrt(fabs(cosine2));
   *outside = select(q, (real)(0.0), total);
   const real a = n * inside, b = n * q;
-  const real inverse_s = 1.0 / select(a + q, a * a + q * q, total), inverse_p = 1.0 / select(inside + b, inside * inside + b * b, total);
+  const real s = select(a + q, a * a + q * q, total), p = select(inside + b, inside * inside + b * b, total);
+  const real both = 1.0 / (s * p), inverse_s = p * both, inverse_p = s * both;
   fresnel f;
   // Total: (a - iq)/(a + iq) = ((a^2 - q^2) - 2iaq) / (a^2 + q^2).
   f.r_s.re = select(a - q, a * a - q * q, total) * inverse_s;
@@ -273,7 +277,7 @@ inline vector3 across_plane(vector3 d, vector3 n) {
   s.z = select(s.z, other.z, degenerate);
   // The cross product of nearly parallel vectors leans out of the transverse plane; take that out.
   s = unit3(s);
-  return unit3(along3(s, -dot3(s, d), d));
+  return still_unit3(along3(s, -dot3(s, d), d));
 }
 
 // Order 0: the ray at (u, v) of the incident plane meets the drop, sends off a reflected ray and goes on inside.
@@ -325,7 +329,7 @@ inline void enter(
   ray->p = p;
   const real bend = (outside - n * inside) / n;
   vector3 refracted = {d.x / n + bend * normal.x, d.y / n + bend * normal.y, d.z / n + bend * normal.z};
-  ray->d = refracted;
+  ray->d = still_unit3(refracted);
   ray->s = s;
   ray->px.re = f.t_p.re * in_p.x;
   ray->px.im = f.t_p.im * in_p.x;
@@ -402,13 +406,13 @@ inline void bounce(
   // Refracted, out.
   const real bend = outside - n * inside;
   vector3 refracted = {n * d.x + bend * normal.x, n * d.y + bend * normal.y, n * d.z + bend * normal.z};
-  refracted = unit3(refracted);
+  refracted = still_unit3(refracted);
   const real valid = alive * select((real)(0.0), (real)(1.0), sine2 < 1.0);
   leave(p, refracted, s, times(f.t_p, px), times(f.t_p, py), times(f.t_s, sx), times(f.t_s, sy), path, crossings,
         side, valid, impact, out);
   // Reflected, inside.
   ray->p = p;
-  ray->d = along3(d, -2.0 * inside, normal);
+  ray->d = still_unit3(along3(d, -2.0 * inside, normal));
   ray->s = s;
   ray->px = times(f.r_p, px);
   ray->py = times(f.r_p, py);
