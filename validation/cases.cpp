@@ -1,0 +1,32 @@
+#include "cases.hpp"
+
+namespace scatter::validation {
+
+Settings standard_settings(bool quick) {
+  Settings settings;
+  settings.quick = quick;
+  settings.radius_m =
+      quick ? std::vector<double>{0.1e-3, 0.4e-3} : std::vector<double>{0.1e-3, 0.2e-3, 0.4e-3, 0.5e-3, 1e-3};
+  if (quick)
+    settings.wavelength_m = {450e-9, 550e-9, 650e-9};
+  else
+    for (int nm = 380; nm <= 700; nm += 10) settings.wavelength_m.push_back(nm / 1e9);
+  settings.rays = quick ? 1000 : 3000;
+  return settings;
+}
+
+const std::vector<Case>& cases() {
+  static const std::vector<Case> all{
+      {"sphere", "spheres by rays against Lorenz-Mie, per radius, wavelength and region, with times",
+       run_sphere},
+      {"figure-3.12", "0.4 mm sphere: geometric optics, interference, Gaussian filter, Lorenz-Mie",
+       run_figure_3_12},
+      {"figure-3.7", "0.1 mm sphere: the bows and their colours in polarised light", run_figure_3_7},
+      {"energy", "energy of every order of a falling drop: over directions and in the rays", run_energy},
+      {"bow-angles", "geometric bow angles of spheres, spheroids and raindrops against published ones",
+       run_bow_angles},
+  };
+  return all;
+}
+
+} // namespace scatter::validation
