@@ -54,17 +54,20 @@ void run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) 
     for (const double theta : request.theta_deg)
       error_estimate.push_back(patches_error_estimate(request.shape.radius_m, request.diffraction, theta));
     sink.begin(plan.header);
-    tracer.far_field(lights, wanted_of(request), [&](std::size_t w, wavefront::FarField&& field) {
+    tracer.far_field(lights, wanted_of(request), [&](std::size_t w, wavefront::FarField& field) {
       table::Slab slab;
-      slab.phase_function = std::move(field.phase_function);
-      slab.phase_matrix = std::move(field.phase_matrix);
+      slab.phase_function.swap(field.phase_function);
+      slab.phase_matrix.swap(field.phase_matrix);
       slab.amplitude = to_table(field.amplitude);
       slab.order_amplitude = to_table(field.order_amplitude);
-      slab.order_energy = std::move(field.order_energy);
+      slab.order_energy = field.order_energy;
       slab.scattering_cross_section = field.scattering_cross_section;
       slab.extinction_cross_section = field.extinction_cross_section;
       slab.error_estimate = error_estimate;
       sink.write(w, slab);
+      // The big arrays go back, to be filled again without touching new memory.
+      slab.phase_function.swap(field.phase_function);
+      slab.phase_matrix.swap(field.phase_matrix);
       if (progress) progress(static_cast<double>(w + 1) / static_cast<double>(lights.size()));
     });
     sink.finish(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());

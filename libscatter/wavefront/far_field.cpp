@@ -2,6 +2,7 @@
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
 #include <scatter/wavefront/direction_tree.hpp>
+#include <scatter/wavefront/layout.hpp>
 #include <scatter/wavefront/far_field.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 
@@ -28,7 +29,7 @@ constexpr std::size_t scratch_doubles = (21 + 7 + 8) * static_cast<std::size_t>(
 constexpr int traced_fields = 14;
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
 constexpr double most_bytes_of_slices = 2e9;
-constexpr double most_bytes_unfolded = 2.56e8;
+constexpr double most_bytes_unfolded = 5e8;
 
 /// Layout of job_t in kernels/tile.cl.
 struct Job {
@@ -45,124 +46,6 @@ struct Candidate {
 struct Edge {
   double theta, sigma;
 };
-
-/// Sine and cosine of an angle in degrees, exact at multiples of 90.
-double sin_deg(double degrees) {
-  const double turns = std::remainder(degrees, 360.0);
-  if (turns == 180 || turns == -180 || turns == 0) return 0;
-  if (turns == 90) return 1;
-  if (turns == -90) return -1;
-  return std::sin(turns * radians_per_degree);
-}
-double cos_deg(double degrees) {
-  const double turns = std::abs(std::remainder(degrees, 360.0));
-  if (turns == 90) return 0;
-  if (turns == 180) return -1;
-  return std::cos(turns * radians_per_degree);
-}
-
-/// Spacing of an even grid, or 0 for any other list.
-double even_spacing(const std::vector<double>& values) {
-  if (values.size() < 2) return 1;
-  const double step = (values.back() - values.front()) / static_cast<double>(values.size() - 1);
-  for (std::size_t i = 0; i < values.size(); ++i)
-    if (std::abs(values[i] - (values.front() + static_cast<double>(i) * step)) > 1e-6 * step) return 0;
-  return step;
-}
-
-/// How wanted directions come out of computed ones: azimuths folded into [0, 180] by the mirror plane (all
-/// into one for an axisymmetric drop), scattering angles surrounded by what filters need.
-struct Layout {
-  std::vector<double> theta_deg, phi_deg;      ///< computed rows and columns
-  std::vector<int> row_of;                     ///< per wanted theta
-  std::vector<int> source_column;              ///< per wanted phi; ~column for its mirror image
-  std::vector<int> segment_first, segment_end; ///< per row: the evenly spaced stretch that it belongs to
-  std::vector<double> spacing_deg;             ///< per row
-  bool raster = false;
-};
-
-Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetric, int last_order) {
-  Layout layout;
-  if (axisymmetric) {
-    layout.phi_deg = {0.0};
-    layout.source_column.assign(wanted.phi_deg.size(), 0);
-  } else {
-    // Folded values that agree to 1e-9 deg are one column.
-    std::vector<double> folded;
-    for (const double phi : wanted.phi_deg) folded.push_back(std::abs(std::remainder(phi, 360.0)));
-    layout.phi_deg = folded;
-    std::sort(layout.phi_deg.begin(), layout.phi_deg.end());
-    layout.phi_deg.erase(
-        std::unique(
-            layout.phi_deg.begin(), layout.phi_deg.end(), [](double a, double b) { return b - a < 1e-9; }),
-        layout.phi_deg.end());
-    for (std::size_t f = 0; f < folded.size(); ++f) {
-      const auto at = std::lower_bound(layout.phi_deg.begin(), layout.phi_deg.end(), folded[f] - 1e-9);
-      const int column = static_cast<int>(at - layout.phi_deg.begin());
-      layout.source_column.push_back(std::remainder(wanted.phi_deg[f], 360.0) < 0 ? ~column : column);
-    }
-  }
-
-  // Filters need even neighbours: a dense even grid has them, any other angle gets a stretch of its own.
-  const double widest =
-      std::max(wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4, wanted.sun_disc_deg / 2);
-  const double narrowest = std::min(
-      wanted.filter_sigma_deg > 0 ? wanted.filter_sigma_deg / 8 : 1e9,
-      wanted.sun_disc_deg > 0 ? wanted.sun_disc_deg / 16 : 1e9);
-  const double reach =
-      widest > 0 ? wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4 + wanted.sun_disc_deg / 2 : 0;
-  const double step = even_spacing(wanted.theta_deg);
-  const auto add_stretch = [&](double first, double spacing, int count) {
-    const int begin = static_cast<int>(layout.theta_deg.size());
-    for (int i = 0; i < count; ++i) {
-      layout.theta_deg.push_back(first + i * spacing);
-      layout.spacing_deg.push_back(spacing);
-      layout.segment_first.push_back(begin);
-      layout.segment_end.push_back(begin + count);
-    }
-    return begin;
-  };
-  if (reach == 0) {
-    layout.theta_deg = wanted.theta_deg;
-    const int rows = static_cast<int>(wanted.theta_deg.size());
-    layout.spacing_deg.assign(wanted.theta_deg.size(), step > 0 ? step : 1);
-    layout.segment_first.assign(wanted.theta_deg.size(), 0);
-    layout.segment_end.assign(wanted.theta_deg.size(), rows);
-    layout.row_of.resize(wanted.theta_deg.size());
-    std::iota(layout.row_of.begin(), layout.row_of.end(), 0);
-  } else if (wanted.theta_deg.size() > 1 && step > 0 && step <= 4 * narrowest) {
-    // One stretch, refined by a whole number so that wanted angles stay on it, and continued on both sides.
-    const int refine = std::max(1, static_cast<int>(std::ceil(step / narrowest - 1e-9)));
-    const double fine = step / refine;
-    const double first = wanted.theta_deg.front(), last = wanted.theta_deg.back();
-    const int before = static_cast<int>(std::min(std::ceil(reach / fine), std::floor(first / fine + 1e-9)));
-    const int after =
-        static_cast<int>(std::min(std::ceil(reach / fine), std::floor((180 - last) / fine + 1e-9)));
-    const int inside = refine * static_cast<int>(wanted.theta_deg.size() - 1) + 1;
-    add_stretch(first - before * fine, fine, before + inside + after);
-    // Wanted angles exactly as given, not as sums of steps.
-    for (std::size_t t = 0; t < wanted.theta_deg.size(); ++t) {
-      layout.row_of.push_back(before + refine * static_cast<int>(t));
-      layout.theta_deg[layout.row_of.back()] = wanted.theta_deg[t];
-    }
-    for (double& theta : layout.theta_deg) theta = std::clamp(theta, 0.0, 180.0);
-  } else {
-    const double fine = narrowest;
-    for (const double theta : wanted.theta_deg) {
-      const int before = static_cast<int>(std::min(std::ceil(reach / fine), std::floor(theta / fine)));
-      const int after = static_cast<int>(std::min(std::ceil(reach / fine), std::floor((180 - theta) / fine)));
-      const int begin = add_stretch(theta - before * fine, fine, before + 1 + after);
-      layout.row_of.push_back(begin + before);
-      layout.theta_deg[layout.row_of.back()] = theta;
-    }
-  }
-  const bool even = even_spacing(layout.theta_deg) > 0 && even_spacing(layout.phi_deg) > 0;
-  if (tracing.search == Search::raster && !even)
-    throw InputError(
-        "--search raster needs evenly spaced angles in theta and phi; use --search tree or an even range");
-  layout.raster = tracing.search == Search::raster || (tracing.search == Search::automatic && even);
-  return layout;
-}
 
 } // namespace
 
@@ -239,6 +122,7 @@ struct Tracer::Implementation {
     Job job;
     cl::Buffer job_data, energy;
     std::vector<cl::Buffer> sums, scratch; ///< per slice
+    bool clean = false;                    ///< all sums are zero
   };
 
   /// Directions of a block of columns on the device.
@@ -346,12 +230,14 @@ struct Tracer::Implementation {
           pass.sums[s] = cl().allocate<double>(static_cast<std::size_t>(rows) * c.columns * accumulator());
           pass.scratch[s] = cl().allocate<double>(scratch_doubles);
         }
-        cl().queue.enqueueNDRangeKernel(
-            with_arguments(
-                cl::Kernel(program(lights[w]), "clear_sums"), pass.sums[s],
-                static_cast<cl_ulong>(per_column)),
-            cl::NullRange, cl::NDRange(columns), cl::NDRange(1));
+        if (!pass.clean || s > 0)
+          cl().queue.enqueueNDRangeKernel(
+              with_arguments(
+                  cl::Kernel(program(lights[w]), "clear_sums"), pass.sums[s],
+                  static_cast<cl_ulong>(per_column)),
+              cl::NullRange, cl::NDRange(c.columns), cl::NDRange(1));
       }
+      pass.clean = false;
     }
     cl().queue.finish();
     for (std::size_t w = 0; w < lights.size(); ++w)
@@ -474,6 +360,7 @@ struct Tracer::Implementation {
         for (int p = 0; p < orders; ++p)
           by_order[p] += (tiles[t].flags & tile_direct ? 1 : 2) * energy[t * orders + p];
     }
+    field.order_energy.clear();
     for (int p = 0; p < orders; ++p)
       if (order_wanted[p] != 0) field.order_energy.push_back(by_order[p] / area);
     const double shadow = area * tracing.shape.radius_m * tracing.shape.radius_m;
@@ -656,143 +543,169 @@ struct Tracer::Implementation {
     return cl().upload(flat);
   }
 
+  /// A buffer kept from one use to the next, so that its pages are touched once.
+  cl::Buffer& kept(cl::Buffer& buffer, std::size_t doubles) {
+    const std::size_t bytes = std::max<std::size_t>(doubles, 1) * sizeof(double);
+    if (buffer() == nullptr || buffer.getInfo<CL_MEM_SIZE>() < bytes)
+      buffer = cl::Buffer(cl().context, CL_MEM_READ_WRITE, bytes);
+    return buffer;
+  }
+
+  /// Everything that one far_field() call shares between its wavelengths.
+  struct Run {
+    const Wanted& wanted;
+    Layout layout;
+    Cut cut;
+    cl::Buffer row_of, source_column, theta, spacing, segment_first, segment_end;
+    std::vector<Pass> passes;                  ///< one per wavelength in flight
+    cl::Buffer table, smooth, mean, amplitude; ///< [column][row][elements]
+    [[nodiscard]] int rows() const { return static_cast<int>(layout.theta_deg.size()); }
+    [[nodiscard]] int columns() const { return static_cast<int>(layout.phi_deg.size()); }
+    [[nodiscard]] std::size_t values() const { return wanted.theta_deg.size() * wanted.phi_deg.size(); }
+  };
+
+  /// One work-item per column of the block.
+  template <typename... Arguments>
+  void
+  over_columns(cl::Program& code, const char* kernel, const Block& block, const Arguments&... arguments) {
+    cl().queue.enqueueNDRangeKernel(
+        with_arguments(cl::Kernel(code, kernel), arguments...), cl::NullRange,
+        cl::NDRange(block.end - block.first), cl::NDRange(1));
+  }
+
+  /// Device columns -> the wanted grid on the host; several blocks of columns fill one array.
+  void unfold(
+      const Run& run, cl::Program& code, const Block& block, const cl::Buffer& from, int elements,
+      unsigned odd_elements, double* to) {
+    const int wanted_rows = static_cast<int>(run.wanted.theta_deg.size());
+    const int azimuths = static_cast<int>(run.wanted.phi_deg.size());
+    // A matrix of the whole sphere is larger than a device's largest buffer: a few rows at a time.
+    const std::size_t per_row = static_cast<std::size_t>(azimuths) * elements;
+    const double row_bytes = static_cast<double>(per_row * sizeof(double));
+    const int rows_at_once = std::clamp(static_cast<int>(most_bytes_unfolded / row_bytes), 1, wanted_rows);
+    for (int t = 0; t < wanted_rows; t += rows_at_once) {
+      const int count = std::min(rows_at_once, wanted_rows - t);
+      const std::size_t bytes = count * per_row * sizeof(double);
+      const cl::Buffer target(cl().context, CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR, bytes, to + t * per_row);
+      cl().queue.enqueueNDRangeKernel(
+          with_arguments(
+              cl::Kernel(code, "unfold"), from, run.rows(), elements, run.row_of, t, count, run.source_column,
+              azimuths, block.first, block.end, odd_elements, target),
+          cl::NullRange, cl::NDRange((count + 15) / 16), cl::NDRange(1));
+      // Mapping is what makes the host's copy valid.
+      void* mapped = cl().queue.enqueueMapBuffer(target, CL_TRUE, CL_MAP_READ, 0, bytes);
+      cl().queue.enqueueUnmapMemObject(target, mapped);
+      cl().queue.finish();
+    }
+  }
+
+  void trace_orders(
+      Run& run, std::span<const Light> batch, const Block& block, const std::vector<int>& order_wanted) {
+    if (run.layout.raster)
+      raster(batch, run.layout, block, run.cut, order_wanted, run.passes);
+    else
+      for (std::size_t w = 0; w < batch.size(); ++w)
+        search(batch[w], run.layout, block, order_wanted, run.passes[w]);
+  }
+
+  void take_amplitude(Run& run, const Light& light, const Pass& pass, const Block& block, Amplitude* out) {
+    static_assert(sizeof(Amplitude) == 8 * sizeof(double));
+    const std::size_t size = static_cast<std::size_t>(run.rows()) * (block.end - block.first) * 8;
+    const double ka = pi * pass.job.wave;
+    over_columns(
+        program(light), "sums_to_amplitude", block, pass.sums[0], block.cos_theta, block.cos_phi,
+        block.sin_phi, run.rows(), ka, kept(run.amplitude, size));
+    unfold(run, program(light), block, run.amplitude, 8, 0xf0U, reinterpret_cast<double*>(out));
+  }
+
+  /// Intensities with their filters; leaves the sums clean.
+  void take_intensity(Run& run, const Light& light, Pass& pass, const Block& block, FarField& field) {
+    const Wanted& wanted = run.wanted;
+    cl::Program& code = program(light);
+    const int elements = wanted.matrix ? 16 : 1, rows = run.rows();
+    const std::size_t size = static_cast<std::size_t>(rows) * (block.end - block.first) * elements;
+    const double scale = tracing.shape.radius_m * tracing.shape.radius_m / field.scattering_cross_section;
+    over_columns(
+        code, "sums_to_intensity", block, pass.sums[0], block.cos_theta, block.cos_phi, block.sin_phi, rows,
+        elements, scale, kept(run.table, size));
+    pass.clean = block.end - block.first == run.cut.columns;
+    cl::Buffer table = run.table;
+    if (wanted.filter_sigma_deg > 0) {
+      int per_column = 0;
+      const cl::Buffer edges = make_edges(light, run.layout, block, wanted, &per_column);
+      over_columns(
+          code, "smooth_edges", block, table, kept(run.smooth, size), rows, elements, run.theta,
+          run.segment_first, run.segment_end, run.spacing, edges, per_column);
+      table = run.smooth;
+    }
+    if (wanted.sun_disc_deg > 0) {
+      over_columns(
+          code, "average_disc", block, table, kept(run.mean, size), rows, elements, wanted.sun_disc_deg / 2,
+          run.segment_first, run.segment_end, run.spacing);
+      table = run.mean;
+    }
+    field.phase_function.resize(run.values());
+    if (!wanted.matrix) {
+      unfold(run, code, block, table, 1, 0, field.phase_function.data());
+      return;
+    }
+    field.phase_matrix.resize(run.values() * 16);
+    // Rows and columns 3 and 4 against 1 and 2 change sign in the mirror.
+    unfold(run, code, block, table, 16, 0x33ccU, field.phase_matrix.data());
+    for (std::size_t i = 0; i < run.values(); ++i) field.phase_function[i] = field.phase_matrix[16 * i];
+  }
+
   void far_field(
       std::span<const Light> lights, const Wanted& wanted,
-      const std::function<void(std::size_t, FarField&&)>& done) {
+      const std::function<void(std::size_t, FarField&)>& done) {
     if (!tracing.interference && (wanted.amplitudes || wanted.per_order))
       throw InputError("--amplitudes and --per-order need interference: drop --no-interference");
-    const Layout layout = make_layout(wanted, tracing, axisymmetric, last_order());
-    const Cut c = cut(lights.size(), layout, wanted.matrix);
-    const int rows = static_cast<int>(layout.theta_deg.size()),
-              columns = static_cast<int>(layout.phi_deg.size());
-    const int wanted_rows = static_cast<int>(wanted.theta_deg.size()),
-              azimuths = static_cast<int>(wanted.phi_deg.size());
-    const std::size_t values = wanted.theta_deg.size() * wanted.phi_deg.size();
+    Run run{wanted, make_layout(wanted, tracing, axisymmetric, last_order()),
+            {},     {},
+            {},     {},
+            {},     {},
+            {},     {},
+            {},     {},
+            {},     {}};
+    run.cut = cut(lights.size(), run.layout, wanted.matrix);
+    run.row_of = cl().upload(run.layout.row_of);
+    run.source_column = cl().upload(run.layout.source_column);
+    run.theta = cl().upload(run.layout.theta_deg);
+    run.spacing = cl().upload(run.layout.spacing_deg);
+    run.segment_first = cl().upload(run.layout.segment_first);
+    run.segment_end = cl().upload(run.layout.segment_end);
+    run.passes.resize(run.cut.at_once);
     std::vector<int> all(last_order() + 1, 0);
     for (const int p : tracing.orders) all[p] = 1;
-    std::vector<double> theta_rad, spacing_rad;
-    for (int r = 0; r < rows; ++r) {
-      theta_rad.push_back(layout.theta_deg[r] * radians_per_degree);
-      spacing_rad.push_back(layout.spacing_deg[r] * radians_per_degree);
-    }
-    const cl::Buffer row_of = cl().upload(layout.row_of), source_column = cl().upload(layout.source_column);
-    const cl::Buffer theta_data = cl().upload(layout.theta_deg),
-                     spacing_data = cl().upload(layout.spacing_deg);
-    const cl::Buffer segment_first = cl().upload(layout.segment_first),
-                     segment_end = cl().upload(layout.segment_end);
 
-    std::vector<Pass> passes(c.at_once);
-    for (std::size_t start = 0; start < lights.size(); start += c.at_once) {
+    std::vector<FarField> fields(run.cut.at_once);
+    for (std::size_t start = 0; start < lights.size(); start += run.cut.at_once) {
       const std::span<const Light> batch =
-          lights.subspan(start, std::min<std::size_t>(c.at_once, lights.size() - start));
-      std::vector<FarField> fields(batch.size());
-      for (int first = 0; first < columns; first += c.columns) {
-        const Block block = make_block(layout, first, std::min(first + c.columns, columns));
-        const int block_columns = block.end - block.first;
-        const auto trace_orders = [&](const std::vector<int>& order_wanted) {
-          if (layout.raster)
-            raster(batch, layout, block, c, order_wanted, passes);
-          else
-            for (std::size_t w = 0; w < batch.size(); ++w)
-              search(batch[w], layout, block, order_wanted, passes[w]);
-        };
-        // Device columns -> wanted grid on the host; several blocks fill one array.
-        const auto unfold = [&](std::size_t w, const cl::Buffer& from, int elements, unsigned odd,
-                                double* to) {
-          // A matrix of the whole sphere is larger than a device's largest buffer: a few rows at a time.
-          const std::size_t per_row = static_cast<std::size_t>(azimuths) * elements;
-          const int rows_at_once = std::clamp(
-              static_cast<int>(most_bytes_unfolded / static_cast<double>(per_row * sizeof(double))), 1,
-              wanted_rows);
-          const cl::Buffer target = cl().allocate<double>(rows_at_once * per_row);
-          for (int t = 0; t < wanted_rows; t += rows_at_once) {
-            const int count = std::min(rows_at_once, wanted_rows - t);
-            const std::span<double> part(to + t * per_row, count * per_row);
-            if (columns > c.columns)
-              cl().queue.enqueueWriteBuffer(target, CL_TRUE, 0, part.size_bytes(), part.data());
-            cl().queue.enqueueNDRangeKernel(
-                with_arguments(
-                    cl::Kernel(program(batch[w]), "unfold"), from, rows, elements, row_of, t, count,
-                    source_column, azimuths, block.first, block.end, odd, target),
-                cl::NullRange, cl::NDRange((count + 15) / 16), cl::NDRange(1));
-            cl().download(target, part);
-          }
-        };
-        const auto take_amplitude = [&](std::size_t w, std::vector<Amplitude>& out, std::size_t offset) {
-          static_assert(sizeof(Amplitude) == 8 * sizeof(double));
-          const cl::Buffer data = cl().allocate<double>(static_cast<std::size_t>(rows) * block_columns * 8);
-          const double ka = pi * passes[w].job.wave;
-          cl().queue.enqueueNDRangeKernel(
-              with_arguments(
-                  cl::Kernel(program(batch[w]), "sums_to_amplitude"), passes[w].sums[0], block.cos_theta,
-                  block.cos_phi, block.sin_phi, rows, ka, data),
-              cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
-          unfold(w, data, 8, 0xf0U, reinterpret_cast<double*>(out.data() + offset));
-        };
-
+          lights.subspan(start, std::min<std::size_t>(run.cut.at_once, lights.size() - start));
+      for (int first = 0; first < run.columns(); first += run.cut.columns) {
+        const Block block = make_block(run.layout, first, std::min(first + run.cut.columns, run.columns()));
         if (wanted.per_order)
           for (std::size_t o = 0; o < tracing.orders.size(); ++o) {
             std::vector<int> only(last_order() + 1, 0);
             only[tracing.orders[o]] = 1;
-            trace_orders(only);
+            trace_orders(run, batch, block, only);
             for (std::size_t w = 0; w < batch.size(); ++w) {
-              fields[w].order_amplitude.resize(values * tracing.orders.size());
-              take_amplitude(w, fields[w].order_amplitude, o * values);
+              fields[w].order_amplitude.resize(run.values() * tracing.orders.size());
+              take_amplitude(
+                  run, batch[w], run.passes[w], block, fields[w].order_amplitude.data() + o * run.values());
             }
           }
-        trace_orders(all);
+        trace_orders(run, batch, block, all);
         for (std::size_t w = 0; w < batch.size(); ++w) {
-          FarField& field = fields[w];
-          if (first == 0) energies(batch[w], passes[w], all, field);
+          if (first == 0) energies(batch[w], run.passes[w], all, fields[w]);
           if (wanted.amplitudes) {
-            field.amplitude.resize(values);
-            take_amplitude(w, field.amplitude, 0);
+            fields[w].amplitude.resize(run.values());
+            take_amplitude(run, batch[w], run.passes[w], block, fields[w].amplitude.data());
           }
-          const double scale =
-              tracing.shape.radius_m * tracing.shape.radius_m / field.scattering_cross_section;
-          const int elements = wanted.matrix ? 16 : 1;
-          const std::size_t size = static_cast<std::size_t>(rows) * block_columns * elements;
-          cl::Buffer table = cl().allocate<double>(size);
-          cl::Program& code = program(batch[w]);
-          cl().queue.enqueueNDRangeKernel(
-              with_arguments(
-                  cl::Kernel(code, "sums_to_intensity"), passes[w].sums[0], block.cos_theta, block.cos_phi,
-                  block.sin_phi, rows, elements, scale, table),
-              cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
-          if (wanted.filter_sigma_deg > 0) {
-            int per_column = 0;
-            const cl::Buffer edges = make_edges(batch[w], layout, block, wanted, &per_column);
-            const cl::Buffer smooth = cl().allocate<double>(size);
-            cl().queue.enqueueNDRangeKernel(
-                with_arguments(
-                    cl::Kernel(code, "smooth_edges"), table, smooth, rows, elements, theta_data,
-                    segment_first, segment_end, spacing_data, edges, per_column),
-                cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
-            table = smooth;
-          }
-          if (wanted.sun_disc_deg > 0) {
-            const cl::Buffer mean = cl().allocate<double>(size);
-            cl().queue.enqueueNDRangeKernel(
-                with_arguments(
-                    cl::Kernel(code, "average_disc"), table, mean, rows, elements, wanted.sun_disc_deg / 2,
-                    segment_first, segment_end, spacing_data),
-                cl::NullRange, cl::NDRange(block_columns), cl::NDRange(1));
-            table = mean;
-          }
-          if (wanted.matrix) {
-            field.phase_matrix.resize(values * 16);
-            // Rows and columns 3 and 4 against 1 and 2 change sign in the mirror.
-            unfold(w, table, 16, 0x33ccU, field.phase_matrix.data());
-            field.phase_function.resize(values);
-            for (std::size_t i = 0; i < values; ++i) field.phase_function[i] = field.phase_matrix[16 * i];
-          } else {
-            field.phase_function.resize(values);
-            unfold(w, table, 1, 0, field.phase_function.data());
-          }
-          cl().queue.finish();
+          take_intensity(run, batch[w], run.passes[w], block, fields[w]);
         }
       }
-      for (std::size_t w = 0; w < batch.size(); ++w) done(start + w, std::move(fields[w]));
+      for (std::size_t w = 0; w < batch.size(); ++w) done(start + w, fields[w]);
     }
   }
 };
@@ -805,7 +718,7 @@ Tracer& Tracer::operator=(Tracer&&) noexcept = default;
 
 void Tracer::far_field(
     std::span<const Light> lights, const Wanted& wanted,
-    const std::function<void(std::size_t, FarField&&)>& done) {
+    const std::function<void(std::size_t, FarField&)>& done) {
   guarded([&] { implementation_->far_field(lights, wanted, done); });
 }
 

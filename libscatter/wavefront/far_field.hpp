@@ -89,12 +89,13 @@ public:
   Tracer(Tracer&&) noexcept;
   Tracer& operator=(Tracer&&) noexcept;
 
-  /// Calls done(i, field) for lights[i] in order. Results are the same bits whatever the number of threads.
-  /// Accuracy: see papers/ and `scatter validate`; the interpolated phase is off by about
-  /// (k a) (2 / rays)^2 / 8 rad times the drop's magnification.
+  /// Calls done(i, field) for lights[i] in order; the field's memory is used again for a later wavelength,
+  /// unless done() moves it away. Results are the same bits whatever the number of threads. Accuracy: see
+  /// papers/ and `scatter validate`; the interpolated phase is off by about (k a) (2 / rays)^2 / 8 rad times
+  /// the drop's magnification.
   void far_field(
       std::span<const Light> lights, const Wanted& wanted,
-      const std::function<void(std::size_t, FarField&&)>& done);
+      const std::function<void(std::size_t, FarField&)>& done);
 
   /// Peak memory that far_field() will take [bytes].
   [[nodiscard]] double memory(std::size_t lights, const Wanted& wanted) const;

@@ -23,18 +23,21 @@ kernel void clear_sums(global double* sums, ulong per_column) {
   for (size_t i = 0; i < per_column; ++i) sums[start + i] = 0.0;
 }
 
-// S11 and, with elements = 16, the whole Mueller matrix: out[column][row][elements].
-kernel void sums_to_intensity(global const double* sums, global const double* cos_theta, global const double* cos_phi,
+// S11 and, with elements = 16, the whole Mueller matrix: out[column][row][elements]. The sums are left at zero, for the
+// next wavelength.
+kernel void sums_to_intensity(global double* sums, global const double* cos_theta, global const double* cos_phi,
                               global const double* sin_phi, int rows, int elements, double scale, global double* out) {
   const size_t column = get_global_id(0);
   for (int row = 0; row < rows; ++row) {
     const size_t at = column * rows + row;
 #ifdef INTENSITIES
     const double16 m = scale * vload16(at, sums);
+    vstore16((double16)(0.0), at, sums);
     if (elements == 16) vstore16(m, at, out);
     else out[at] = m.s0;
 #else
     const double8 j = vload8(at, sums);
+    vstore8((double8)(0.0), at, sums);
     if (elements == 16) {
       const double16 s = amplitude_matrix(j, cos_phi[column], sin_phi[column], cos_theta[row] < 0.0 ? -1.0 : 1.0);
       vstore16(scale * mueller(s.s0, s.s1, s.s2, s.s3, s.s4, s.s5, s.s6, s.s7), at, out);
