@@ -8,6 +8,7 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 // Everything is one loop body to the compiler: calls would pass vectors through memory.
+#undef inline // PoCL defines it too
 #define inline static inline __attribute__((always_inline))
 
 #define RAY_LANES 16
