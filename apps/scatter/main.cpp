@@ -7,6 +7,7 @@
 #include <scatter/table/files.hpp>
 
 #include <CLI/CLI.hpp>
+#include <pthread.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -25,6 +26,8 @@
 #include <numeric>
 #include <string>
 #include <string_view>
+#include <system_error>
+#include <thread>
 #include <vector>
 
 namespace {
@@ -51,26 +54,42 @@ constexpr AddVerb verbs[] = {
 
 /// Killed or stopped: no half file stays behind, and whoever waits for us sees the signal, as the convention
 /// wants.
-extern "C" void clean_up_and_die(int signal_number) {
+[[noreturn]] void clean_up_and_die(int signal_number) {
   scatter::table::remove_unfinished_files();
   (void)std::signal(signal_number, SIG_DFL);
-  (void)::raise(signal_number); // delivered when this handler returns
+  sigset_t only_this;
+  ::sigemptyset(&only_this);
+  ::sigaddset(&only_this, signal_number);
+  (void)::pthread_sigmask(SIG_UNBLOCK, &only_this, nullptr);
+  (void)::raise(signal_number);
+  std::_Exit(128 + signal_number); // not reached: none of these signals is survived by default
 }
 
-void install_signal_handlers() {
+/// A thread waits for the signals that end us. A handler would not do: the compiler inside OpenCL installs
+/// handlers of its own over ours, and its one for SIGXCPU and SIGQUIT returns as if nothing had been.
+void watch_signals() {
+  // A reader that goes away and a file that grows past its limit become errors of the write: one line,
+  // exit 1.
+  (void)std::signal(SIGPIPE, SIG_IGN);
+  (void)std::signal(SIGXFSZ, SIG_IGN);
+  sigset_t endings;
+  ::sigemptyset(&endings);
   for (const int signal_number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGXCPU}) {
     struct sigaction now {};
     // What the caller ignores stays ignored: that is how nohup works.
     if (::sigaction(signal_number, nullptr, &now) == 0 && now.sa_handler == SIG_IGN) continue;
-    struct sigaction action {};
-    action.sa_handler = clean_up_and_die;
-    ::sigemptyset(&action.sa_mask);
-    ::sigaction(signal_number, &action, nullptr);
+    ::sigaddset(&endings, signal_number);
   }
-  // A reader that goes away and a file that grows past its limit become errors of the write, and so one line,
-  // exit 1.
-  (void)std::signal(SIGPIPE, SIG_IGN);
-  (void)std::signal(SIGXFSZ, SIG_IGN);
+  // Threads inherit the mask, so this comes before any other thread.
+  if (::pthread_sigmask(SIG_BLOCK, &endings, nullptr) != 0) return;
+  try {
+    std::thread([endings] {
+      int signal_number = 0;
+      if (::sigwait(&endings, &signal_number) == 0) clean_up_and_die(signal_number);
+    }).detach();
+  } catch (const std::system_error&) { // no thread to be had: die of signals without cleaning up
+    (void)::pthread_sigmask(SIG_UNBLOCK, &endings, nullptr);
+  }
 }
 
 /// The command as one would type it again, for the provenance of files.
@@ -194,7 +213,7 @@ int run(CLI::App& program, int argc, char** argv) {
 } // namespace
 
 int main(int argc, char** argv) {
-  install_signal_handlers();
+  watch_signals();
   scatter::app::Context context;
   context.command_line = command_line(argc, argv);
 

@@ -70,16 +70,19 @@ TEST(Phase, SphereByPatchesGoesThroughTheKernelOfAnyDrop) {
 }
 
 TEST(Phase, ResultsDoNotDependOnThreads) {
-  const auto table = [](const char* threads) {
-    const Outcome outcome = run(
-        {"phase", "--radius", "0.5mm", "--sun", "20deg", "--wavelength", "650nm", "--rays", "150", "--theta",
-         "130:150:0.5", "--phi", "0:360:20", "--amplitudes", "--threads", threads});
+  const auto table = [](const char* search, const char* threads) {
+    const Outcome outcome =
+        run({"phase",  "--radius", "0.5mm",   "--sun",        "20deg",     "--wavelength", "650nm",
+             "--rays", "150",      "--theta", "130:150:0.5",  "--phi",     "0:360:20",     "--diffraction",
+             "none",   "--search", search,    "--amplitudes", "--threads", threads});
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
-    auto json = nlohmann::json::parse(outcome.output, nullptr, false);
-    return json.is_object() ? json.at("phase_function").dump() + json.at("amplitude").dump()
-                            : "nothing, with " + std::string(threads);
+    EXPECT_EQ(outcome.errors, "");
+    const auto json = nlohmann::json::parse(outcome.output, nullptr, false);
+    if (!json.is_object()) return "nothing, with " + std::string(threads);
+    return json.at("phase_function").dump() + json.at("amplitude").dump();
   };
-  EXPECT_EQ(table("1"), table("2"));
+  EXPECT_EQ(table("raster", "1"), table("raster", "2"));
+  EXPECT_EQ(table("tree", "1"), table("tree", "2"));
 }
 
 TEST(Phase, ExplainsWithoutComputing) {
