@@ -56,8 +56,8 @@ public:
 
 /// What to read of one wavelength. Defaults: everything.
 struct SlabPart {
-  bool matrix = true;             ///< phase_matrix, or stokes
-  bool amplitudes = true;         ///< amplitude and order_amplitude
+  bool matrix = true;               ///< phase_matrix, or stokes
+  bool amplitudes = true;           ///< amplitude and order_amplitude
   std::optional<std::size_t> phi{}; ///< only this azimuth: arrays come back with F = 1
 };
 

@@ -127,12 +127,16 @@ int NetcdfSink::big_variable(
     row_bytes *= chunk[d];
   }
   std::fill_n(chunk.begin(), leading, 1);
-  chunk[leading] = std::clamp<std::size_t>(chunk_bytes / row_bytes, 1, header().theta_deg.size());
-  if (row_bytes > chunk_bytes) {
-    // A row that is itself huge is cut along phi.
-    const std::size_t per_direction = row_bytes / chunk[leading + 1];
-    chunk[leading + 1] = std::max<std::size_t>(chunk_bytes / per_direction, 1);
-  }
+  // Chunks of equal size, so that hardly anything of the last one is padding.
+  const auto even = [](std::size_t size, std::size_t most) {
+    const std::size_t pieces = (size + most - 1) / std::max<std::size_t>(most, 1);
+    return (size + pieces - 1) / pieces;
+  };
+  const std::size_t rows = header().theta_deg.size(), columns = chunk[leading + 1];
+  chunk[leading] = even(rows, std::clamp<std::size_t>(chunk_bytes / row_bytes, 1, rows));
+  // A row that is itself huge is cut along phi.
+  const std::size_t per_direction = row_bytes / columns;
+  chunk[leading + 1] = even(columns, std::clamp<std::size_t>(chunk_bytes / per_direction, 1, columns));
   check(nc_def_var_chunking(nc_, id, NC_CHUNKED, chunk.data()));
   // Every value is written once: filling first would write twice.
   check(nc_def_var_fill(nc_, id, NC_NOFILL, nullptr));
