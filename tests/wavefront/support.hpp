@@ -70,7 +70,7 @@ inline void expect_below(const Worst& worst, double limit, const std::string& wh
 
 inline FarField far_field(Tracer& tracer, const Light& light, const Wanted& wanted) {
   FarField result;
-  tracer.far_field(std::span<const Light>(&light, 1), wanted, [&](std::size_t, FarField&& field) {
+  tracer.far_field(std::span<const Light>(&light, 1), wanted, [&](std::size_t, FarField& field) {
     result = std::move(field);
   });
   return result;

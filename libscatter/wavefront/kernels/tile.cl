@@ -270,7 +270,6 @@ inline patch_jones load_jones(global const double* scratch, int at) {
   patch_jones jones;
   const int lower = (z[corner_at[0]] < 0.0) + (z[corner_at[1]] < 0.0) + (z[corner_at[2]] < 0.0) + (z[corner_at[3]] < 0.0);
   jones.hemisphere = lower == 4;
-#pragma unroll
   for (int c = 0; c < 4; ++c) jones.corner[c] = vload8(corner_at[c], scratch + SCRATCH_JONES);
   if (lower != 0 && lower != 4) {
     // Across the equator: the corners below it are taken over into the upper basis.
@@ -513,7 +512,6 @@ inline void lay_span(constant const job_t* job, span_t span, const double* patch
       if (!hits_in_column(patch, TILE, phase, pass, c, s, vload8(0, sin_theta + row), ct, &hits)) continue;
       double w[4][8], sine[8], cosine[8];
       long held[8];
-#pragma unroll
       for (int corner = 0; corner < 4; ++corner) vstore8(hits.weight[corner], 0, w[corner]);
       vstore8(hits.sine, 0, sine);
       vstore8(hits.cosine, 0, cosine);

@@ -25,7 +25,7 @@ typedef struct {
   real re, im;
 } complex_real;
 
-// Layout of the surface's parameters; kept in step with surface_parameters() in tracer.cpp.
+// Layout of the surface's parameters; kept in step with surface_parameters() in ray_grid.cpp.
 #define SURFACE_AXIS 0       // 3: unit vector straight down
 #define SURFACE_HULL 3       // 3: 1/A^2 and 1/B^2 of an ellipsoid that holds the drop, its centre along the axis
 #define SURFACE_SHAPE 6      // polynomial coefficients in cos(theta), or 1/A^2 and 1/B^2 of the spheroid
@@ -58,7 +58,6 @@ inline void polar_curve(constant const double* surface, real c, real* radius, re
 #else
 inline void polar_curve(constant const double* surface, real c, real* radius, real* slope) {
   real r = surface[SURFACE_SHAPE + SURFACE_DEGREE], s = 0.0;
-#pragma unroll
   for (int n = SURFACE_DEGREE - 1; n >= 0; --n) {
     s = s * c + r;
     r = r * c + surface[SURFACE_SHAPE + n];
@@ -387,16 +386,13 @@ inline void bounce(
   py.re *= decay; py.im *= decay;
   sx.re *= decay; sx.im *= decay;
   sy.re *= decay; sy.im *= decay;
-  const real cosine2 = 1.0 - sine2;
+  // The tangential wave number is real, as it was outside: the wave in the absorber has a complex cosine, the one
+  // outside a real one, or +i times what it decays by.
+  const real cosine2 = 1.0 - sine2, evanescent = sqrt(fmax(-cosine2, 0.0));
   const real outside = sqrt(fmax(cosine2, 0.0));
-  const real sine2_in = fma(-inside, inside, 1.0);
-  const complex_real in_cos = {inside, (real)(0.0)};
-  const complex_real out_cos2 = {1.0 - sine2_in * (n * n - k * k), -2.0 * n * k * sine2_in};
-  complex_real out_cos = complex_sqrt(out_cos2);
-  // Of the two roots the one that decays outwards; rounding and k > 0 put the principal one on the other side.
-  const mask evanescent = cosine2 < 0.0;
-  out_cos.re = select(out_cos.re, fabs(out_cos.re), evanescent);
-  out_cos.im = select(out_cos.im, fabs(out_cos.im), evanescent);
+  const double m2_re = n * n - k * k, m2_im = 2.0 * n * k, m4 = m2_re * m2_re + m2_im * m2_im;
+  const complex_real in_cos2 = {1.0 - sine2 * (m2_re / m4), sine2 * (m2_im / m4)};
+  const complex_real in_cos = complex_sqrt(in_cos2), out_cos = {outside, evanescent};
   const fresnel f = fresnel_coefficients(n, k, out_cos, in_cos, 1, outside / (n * fmax(inside, 1e-300)));
 #else
   real outside;
