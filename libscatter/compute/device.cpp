@@ -1,9 +1,10 @@
 #include <scatter/compute/opencl.hpp>
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <fstream>
 #include <limits>
-#include <unistd.h>
 
 namespace scatter::compute {
 
@@ -21,7 +22,8 @@ cl::Device find_device() {
     // The loader reports "no platform" as an error of its own.
   }
   if (platforms.empty())
-    throw DeviceError("no OpenCL platform found: install one with double precision, e.g. the Debian package pocl-opencl-icd");
+    throw DeviceError("no OpenCL platform found: install one with double precision, e.g. the Debian package "
+                      "pocl-opencl-icd");
   std::string seen;
   for (const cl::Platform& platform : platforms) {
     std::vector<cl::Device> devices;
@@ -71,7 +73,9 @@ Device::Device(int threads) {
   });
 }
 
-const DeviceInfo& Device::info() const { return opencl_->info; }
+const DeviceInfo& Device::info() const {
+  return opencl_->info;
+}
 
 cl::Program& OpenCL::program(std::span<const std::string_view> sources, const std::string& options) {
   std::string text;
@@ -104,7 +108,8 @@ std::uint64_t available_memory() {
   const std::uint64_t unlimited = std::numeric_limits<std::uint64_t>::max();
   for (const auto& [limit, used] :
        {std::pair{"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"},
-        std::pair{"/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"}}) {
+        std::pair{
+            "/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"}}) {
     const std::uint64_t most = read_number(limit, unlimited);
     if (most != unlimited) available = std::min(available, most - std::min(most, read_number(used, 0)));
   }

@@ -15,10 +15,10 @@ struct DeviceError : std::runtime_error {
 };
 
 struct DeviceInfo {
-  std::string name;                  ///< as the driver calls it
-  std::string version;               ///< of the device's OpenCL
-  unsigned compute_units = 0;        ///< work-groups that run side by side
-  std::uint64_t memory_bytes = 0;    ///< of the device
+  std::string name;                   ///< as the driver calls it
+  std::string version;                ///< of the device's OpenCL
+  unsigned compute_units = 0;         ///< work-groups that run side by side
+  std::uint64_t memory_bytes = 0;     ///< of the device
   std::uint64_t allocation_bytes = 0; ///< largest single buffer
 };
 
@@ -38,7 +38,8 @@ private:
   std::shared_ptr<OpenCL> opencl_;
 };
 
-/// Memory that can be had without swapping [bytes]: what the system reports as available, within a control group's limit.
+/// Memory that can be had without swapping [bytes]: what the system reports as available, within a control
+/// group's limit.
 [[nodiscard]] std::uint64_t available_memory();
 
 } // namespace scatter::compute

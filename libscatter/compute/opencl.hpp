@@ -25,28 +25,35 @@ struct OpenCL {
   DeviceInfo info;
   std::map<std::string, cl::Program> programs; ///< by options and source
 
-  /// Builds the concatenated sources, or takes them from the cache. Throws DeviceError with the first line of the
-  /// compiler's log.
+  /// Builds the concatenated sources, or takes them from the cache. Throws DeviceError with the first line of
+  /// the compiler's log.
   cl::Program& program(std::span<const std::string_view> sources, const std::string& options);
 
   /// A read-only copy of host data. An empty span gives one byte, so that it can be passed to a kernel.
-  template <typename T> cl::Buffer upload(std::span<const T> data) {
+  template <typename T>
+  cl::Buffer upload(std::span<const T> data) {
     static_assert(std::is_trivially_copyable_v<T>);
     if (data.empty()) return cl::Buffer(context, CL_MEM_READ_ONLY, 1);
     return cl::Buffer(
         context, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, data.size_bytes(), const_cast<T*>(data.data()));
   }
-  template <typename T> cl::Buffer upload(const std::vector<T>& data) { return upload(std::span<const T>(data)); }
-  template <typename T> cl::Buffer allocate(std::size_t count) {
+  template <typename T>
+  cl::Buffer upload(const std::vector<T>& data) {
+    return upload(std::span<const T>(data));
+  }
+  template <typename T>
+  cl::Buffer allocate(std::size_t count) {
     return cl::Buffer(context, CL_MEM_READ_WRITE, std::max<std::size_t>(count, 1) * sizeof(T));
   }
-  template <typename T> void download(const cl::Buffer& buffer, std::span<T> to) {
+  template <typename T>
+  void download(const cl::Buffer& buffer, std::span<T> to) {
     if (!to.empty()) queue.enqueueReadBuffer(buffer, CL_TRUE, 0, to.size_bytes(), to.data());
   }
 };
 
 /// Runs f and turns OpenCL's exceptions into DeviceError with the failing call's name.
-template <typename F> decltype(auto) guarded(F&& f) {
+template <typename F>
+decltype(auto) guarded(F&& f) {
   try {
     return f();
   } catch (const cl::Error& error) {
@@ -60,7 +67,8 @@ template <typename F> decltype(auto) guarded(F&& f) {
 }
 
 /// Sets all arguments of a kernel and returns it.
-template <typename... Arguments> cl::Kernel with_arguments(cl::Kernel kernel, const Arguments&... arguments) {
+template <typename... Arguments>
+cl::Kernel with_arguments(cl::Kernel kernel, const Arguments&... arguments) {
   cl_uint index = 0;
   (kernel.setArg(index++, arguments), ...);
   return kernel;
