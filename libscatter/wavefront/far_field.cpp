@@ -2,8 +2,8 @@
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
 #include <scatter/wavefront/direction_tree.hpp>
-#include <scatter/wavefront/layout.hpp>
 #include <scatter/wavefront/far_field.hpp>
+#include <scatter/wavefront/layout.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 
 #include <embedded/kernel_far_field.hpp>
@@ -28,7 +28,7 @@ constexpr int tile_padded = ((tile_cells + 1) * (tile_cells + 1) + ray_lanes - 1
 constexpr std::size_t scratch_doubles = (21 + 7 + 8) * static_cast<std::size_t>(tile_padded);
 constexpr int traced_fields = 14;
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
-constexpr double most_bytes_of_slices = 2e9;
+constexpr double most_bytes_of_slices = 2e9, small_slices = 1e8;
 constexpr double most_bytes_unfolded = 5e8;
 
 /// Layout of job_t in kernels/tile.cl.
@@ -148,8 +148,10 @@ struct Tracer::Implementation {
     c.columns = std::clamp(static_cast<int>(1e9 / per_column), 1, columns);
     c.bytes_per_slice = per_column * c.columns;
     if (layout.raster) {
-      c.slices = std::clamp(8 / static_cast<int>(std::min<std::size_t>(lights, 8)), 1, 8);
-      while (c.slices > 1 && c.slices * c.bytes_per_slice > most_bytes_of_slices) --c.slices;
+      // Many wavelengths run side by side; a few are sliced, while their sums are small against the tracing.
+      c.slices = lights >= 4 ? 1 : lights == 1 ? 4 : 2;
+      while (c.slices > 2 && c.slices * c.bytes_per_slice > small_slices) --c.slices;
+      if (c.slices * c.bytes_per_slice > most_bytes_of_slices) c.slices = 1;
       c.at_once = std::max(1, static_cast<int>(device.info().compute_units) / c.slices);
       c.at_once = static_cast<int>(std::min<std::size_t>(c.at_once, lights));
       const double budget =
@@ -424,28 +426,40 @@ struct Tracer::Implementation {
     return share(light) / share(transparent);
   }
 
-  std::vector<std::vector<TracedRay>>
-  trace(const Light& light, std::span<const double> u, std::span<const double> v, int last) {
+  /// Single rays as the kernel gives them: fields of trace_rays() in kernels/tile.cl.
+  struct RawRays {
+    std::size_t count = 0;
+    std::vector<double> values;
+    [[nodiscard]] double field(int order, int f, std::size_t ray) const {
+      return values[(static_cast<std::size_t>(order) * traced_fields + f) * count + ray];
+    }
+  };
+
+  RawRays trace_raw(const Light& light, std::span<const double> u, std::span<const double> v, int last) {
     const int count = static_cast<int>((u.size() + ray_lanes - 1) / ray_lanes * ray_lanes);
     std::vector<double> padded_u(u.begin(), u.end()), padded_v(v.begin(), v.end());
     padded_u.resize(count, 0.0);
     padded_v.resize(count, 0.0);
     const cl::Buffer job = job_buffer(cl(), make_job(light, tracing.rays, last));
     const cl::Buffer u_data = cl().upload(padded_u), v_data = cl().upload(padded_v);
-    const cl::Buffer out_data =
-        cl().allocate<double>(static_cast<std::size_t>(last + 1) * traced_fields * count);
+    RawRays rays{static_cast<std::size_t>(count), {}};
+    rays.values.resize(static_cast<std::size_t>(last + 1) * traced_fields * count);
+    const cl::Buffer out = cl().allocate<double>(rays.values.size());
     cl().queue.enqueueNDRangeKernel(
         with_arguments(
-            cl::Kernel(program(light), "trace_rays"), surface_buffer, job, u_data, v_data, count, out_data),
+            cl::Kernel(program(light), "trace_rays"), surface_buffer, job, u_data, v_data, count, out),
         cl::NullRange, cl::NDRange(device.info().compute_units), cl::NDRange(1));
-    std::vector<double> out(static_cast<std::size_t>(last + 1) * traced_fields * count);
-    cl().download(out_data, std::span<double>(out));
+    cl().download(out, std::span<double>(rays.values));
+    return rays;
+  }
+
+  std::vector<std::vector<TracedRay>>
+  trace(const Light& light, std::span<const double> u, std::span<const double> v, int last) {
+    const RawRays raw = trace_raw(light, u, v, last);
     std::vector<std::vector<TracedRay>> rays(u.size(), std::vector<TracedRay>(last + 1));
     for (std::size_t i = 0; i < u.size(); ++i)
       for (int p = 0; p <= last; ++p) {
-        const auto field = [&](int f) {
-          return out[(static_cast<std::size_t>(p) * traced_fields + f) * count + i];
-        };
+        const auto field = [&](int f) { return raw.field(p, f, i); };
         TracedRay& ray = rays[i][p];
         ray.valid = field(0) > 0.5;
         ray.direction = {field(1), field(2), field(3)};
@@ -464,47 +478,51 @@ struct Tracer::Implementation {
     return rays;
   }
 
-  std::vector<std::array<double, 2>> bow_curve(const Light& light, int order) {
-    constexpr int azimuths = 181, samples = 1024;
-    const int used = axisymmetric ? 1 : azimuths;
+  using Curve = std::vector<std::array<double, 2>>;
+
+  /// Bow curves of the orders 0..last, all from one tracing.
+  std::vector<Curve> bow_curves(const Light& light, int last) {
+    constexpr int azimuth_step_deg = 2, samples = 512;
+    const int azimuths = axisymmetric ? 1 : 180 / azimuth_step_deg + 1;
     std::vector<double> u, v;
-    for (int a = 0; a < used; ++a)
+    for (int a = 0; a < azimuths; ++a)
       for (int i = 0; i < samples; ++i) {
         const double b = surface.largest_radius * std::sin(0.5 * pi * (i + 0.5) / samples);
-        u.push_back(b * cos_deg(a));
-        v.push_back(b * sin_deg(a));
+        u.push_back(b * cos_deg(a * azimuth_step_deg));
+        v.push_back(b * sin_deg(a * azimuth_step_deg));
       }
-    const auto rays = trace(light, u, v, order);
-    std::vector<std::array<double, 2>> curve;
-    for (int a = 0; a < used; ++a) {
-      // The deflection, counted positive towards the axis and followed continuously along the radius.
-      double before = 0, middle = 0, last = 0;
-      int known = 0;
-      for (int i = 0; i < samples; ++i) {
-        const TracedRay& ray = rays[static_cast<std::size_t>(a) * samples + i][order];
-        if (!ray.valid) {
-          known = 0;
-          continue;
-        }
-        const double inward = -(ray.direction[0] * cos_deg(a) + ray.direction[1] * sin_deg(a));
-        const double across = std::hypot(ray.direction[0], ray.direction[1]);
-        double deflection = std::atan2(std::copysign(across, inward), ray.direction[2]);
-        if (known > 0) deflection = last + std::remainder(deflection - last, 2 * pi);
-        before = middle;
-        middle = last;
-        last = deflection;
-        if (++known >= 3 && (middle - before) * (last - middle) < 0) {
+    const RawRays rays = trace_raw(light, u, v, last);
+    std::vector<Curve> curves(last + 1);
+    for (int order = 0; order <= last; ++order)
+      for (int a = 0; a < azimuths; ++a) {
+        const double c = cos_deg(a * azimuth_step_deg), s = sin_deg(a * azimuth_step_deg);
+        // The deflection, counted positive towards the axis and followed continuously along the radius.
+        double before = 0, middle = 0, latest = 0;
+        int known = 0;
+        for (int i = 0; i < samples; ++i) {
+          const std::size_t ray = static_cast<std::size_t>(a) * samples + i;
+          if (rays.field(order, 0, ray) < 0.5) {
+            known = 0;
+            continue;
+          }
+          const double x = rays.field(order, 1, ray), y = rays.field(order, 2, ray),
+                       z = rays.field(order, 3, ray);
+          double deflection = std::atan2(std::copysign(std::hypot(x, y), -(x * c + y * s)), z);
+          if (known > 0) deflection = latest + std::remainder(deflection - latest, 2 * pi);
+          before = middle;
+          middle = latest;
+          latest = deflection;
+          if (++known < 3 || (middle - before) * (latest - middle) >= 0) continue;
           // Vertex of the parabola through the three samples, which are even in the angle of incidence.
-          const double curvature = before - 2 * middle + last, slope = 0.5 * (last - before);
+          const double curvature = before - 2 * middle + latest, slope = 0.5 * (latest - before);
           const double vertex = middle - 0.5 * slope * slope / curvature;
-          const TracedRay& at = rays[static_cast<std::size_t>(a) * samples + i - 1][order];
-          curve.push_back(
+          curves[order].push_back(
               {std::abs(std::remainder(vertex, 2 * pi)) / radians_per_degree,
-               std::abs(std::atan2(at.direction[1], at.direction[0])) / radians_per_degree});
+               std::abs(std::atan2(rays.field(order, 2, ray - 1), rays.field(order, 1, ray - 1))) /
+                   radians_per_degree});
         }
       }
-    }
-    return curve;
+    return curves;
   }
 
   /// Edges per column for the Gaussian filter: where a bow's curve crosses the column.
@@ -512,10 +530,11 @@ struct Tracer::Implementation {
       const Light& light, const Layout& layout, const Block& block, const Wanted& wanted, int* per_column) {
     const int columns = block.end - block.first;
     std::vector<std::vector<Edge>> found(columns);
+    const std::vector<Curve> curves = bow_curves(light, last_order());
     for (const int order : tracing.orders) {
       if (order < 2) continue;
       const double sigma = wanted.filter_sigma_deg * (order - 1);
-      const auto curve = bow_curve(light, order);
+      const Curve& curve = curves[order];
       for (int column = 0; column < columns; ++column) {
         const double phi = layout.phi_deg[block.first + column];
         if (axisymmetric) {
@@ -742,7 +761,7 @@ Tracer::trace(const Light& light, std::span<const double> u, std::span<const dou
 }
 
 std::vector<std::array<double, 2>> Tracer::bow_curve(const Light& light, int order) {
-  return guarded([&] { return implementation_->bow_curve(light, order); });
+  return guarded([&] { return implementation_->bow_curves(light, order).at(order); });
 }
 
 double Tracer::shadow_area() const {

@@ -1,7 +1,7 @@
 // From sums over patches, [column][row][ACCUMULATOR], to what people asked for. Needs mueller.cl; one work-item per
 // column or block of rows.
 
-inline double16 amplitude_matrix(double8 j, double cos_phi, double sin_phi, double h) {
+FORCE_INLINE double16 amplitude_matrix(double8 j, double cos_phi, double sin_phi, double h) {
   // As in accumulate() of tile.cl: the field along (theta, phi) for incident x and y, then the scattering plane.
 #define PART(o, e1, e2) const double o##_theta = h * cos_phi * e1 + sin_phi * e2, o##_phi = h * cos_phi * e2 - sin_phi * e1;
   PART(xr, j.s0, j.s1) PART(yr, j.s2, j.s3) PART(xi, j.s4, j.s5) PART(yi, j.s6, j.s7)

@@ -1,5 +1,5 @@
 // Mueller matrix of a 2x2 amplitude matrix, row by row: Bohren & Huffman (1983), equation 3.16.
-inline double16 mueller(
+FORCE_INLINE double16 mueller(
     double S1r, double S1i, double S2r, double S2i, double S3r, double S3i, double S4r, double S4i) {
   const double n1 = S1r * S1r + S1i * S1i, n2 = S2r * S2r + S2i * S2i;
   const double n3 = S3r * S3r + S3i * S3i, n4 = S4r * S4r + S4i * S4i;

@@ -45,7 +45,7 @@ typedef struct {
 
 // Angle of the point (x, y), y >= 0, in [0, pi] to 2e-8: Abramowitz & Stegun 4.4.49. ratio: the smaller of |x| and y
 // over the larger.
-inline real quick_angle(real y, real x, real ratio) {
+FORCE_INLINE real quick_angle(real y, real x, real ratio) {
   const real q2 = ratio * ratio;
   real s = 0.0028662257;
   s = s * q2 - 0.0161657367;
@@ -61,7 +61,7 @@ inline real quick_angle(real y, real x, real ratio) {
 }
 
 // Scattering angle and absolute azimuth of a direction, good enough to find candidates.
-inline void quick_direction(vector3 d, real* theta, real* phi) {
+FORCE_INLINE void quick_direction(vector3 d, real* theta, real* phi) {
   const real x = fabs(d.x), y = fabs(d.y), z = fabs(d.z), rho = sqrt(x * x + y * y);
   const real theta_big = fmax(rho, z), phi_big = fmax(fmax(x, y), 1e-100);
   const real inverse = 1.0 / (theta_big * phi_big);
@@ -69,7 +69,7 @@ inline void quick_direction(vector3 d, real* theta, real* phi) {
   *phi = quick_angle(y, d.x, fmin(x, y) * inverse * theta_big);
 }
 
-inline void load_state(global const double* scratch, int at, ray_state* ray) {
+FORCE_INLINE void load_state(global const double* scratch, int at, ray_state* ray) {
   global const double* field = scratch + at;
 #define NEXT_FIELD(target) target = load_real(field); field += TILE_PADDED;
   NEXT_FIELD(ray->p.x) NEXT_FIELD(ray->p.y) NEXT_FIELD(ray->p.z)
@@ -81,7 +81,7 @@ inline void load_state(global const double* scratch, int at, ray_state* ray) {
 #undef NEXT_FIELD
 }
 
-inline void store_state(global double* scratch, int at, const ray_state* ray) {
+FORCE_INLINE void store_state(global double* scratch, int at, const ray_state* ray) {
   global double* field = scratch + at;
 #define NEXT_FIELD(source) store_real(source, field); field += TILE_PADDED;
   NEXT_FIELD(ray->p.x) NEXT_FIELD(ray->p.y) NEXT_FIELD(ray->p.z)
@@ -94,7 +94,7 @@ inline void store_state(global double* scratch, int at, const ray_state* ray) {
 }
 
 // Eight rays' Jones matrices from one vector per element to one vector per ray.
-inline void store_jones(global double* out, double8 f0, double8 f1, double8 f2, double8 f3, double8 f4, double8 f5,
+FORCE_INLINE void store_jones(global double* out, double8 f0, double8 f1, double8 f2, double8 f3, double8 f4, double8 f5,
                         double8 f6, double8 f7) {
   const double8 a0 = (double8)(f0.s0, f1.s0, f0.s2, f1.s2, f0.s4, f1.s4, f0.s6, f1.s6);
   const double8 a1 = (double8)(f0.s1, f1.s1, f0.s3, f1.s3, f0.s5, f1.s5, f0.s7, f1.s7);
@@ -165,20 +165,20 @@ typedef struct {
   double8 x, y, z;
 } point8;
 
-inline double8 inner8(point8 a, point8 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline point8 difference8(point8 a, point8 b) {
+FORCE_INLINE double8 inner8(point8 a, point8 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+FORCE_INLINE point8 difference8(point8 a, point8 b) {
   const point8 c = {a.x - b.x, a.y - b.y, a.z - b.z};
   return c;
 }
 // Normal of the great circle a -> b, without the cancellation of a x b for close points.
-inline point8 edge_normal(point8 a, point8 b) {
+FORCE_INLINE point8 edge_normal(point8 a, point8 b) {
   const point8 d = difference8(b, a);
   const point8 n = {a.y * d.z - a.z * d.y, a.z * d.x - a.x * d.z, a.x * d.y - a.y * d.x};
   return n;
 }
 
 // Solid angle of the triangle from its triple product (Van Oosterom & Strackee 1983).
-inline double8 solid_angle(double8 triple, point8 a, point8 b, point8 c) {
+FORCE_INLINE double8 solid_angle(double8 triple, point8 a, point8 b, point8 c) {
   const double8 below = 1.0 + inner8(a, b) + inner8(b, c) + inner8(c, a), above = fabs(triple);
   const double8 t = above / below, t2 = t * t;
   const double8 small_ = 2.0 * t * (1.0 - t2 * (1.0 / 3.0 - t2 * (0.2 - t2 * (1.0 / 7.0 - t2 * (1.0 / 9.0)))));
@@ -194,14 +194,14 @@ enum {
   PATCH_FIRST = 15, PATCH_SECOND, PATCH_PHASE, PATCH_FIELDS
 };
 
-inline point8 corners8(global const double* scratch, int at) {
+FORCE_INLINE point8 corners8(global const double* scratch, int at) {
   global const double* field = scratch + SCRATCH_EXIT + at;
   const point8 d = {vload8(0, field + EXIT_X * TILE_PADDED), vload8(0, field + EXIT_Y * TILE_PADDED),
                     vload8(0, field + EXIT_Z * TILE_PADDED)};
   return d;
 }
 
-inline void make_patches(
+FORCE_INLINE void make_patches(
     constant const job_t* job, tile_t tile, int p, global const double* scratch, int i, int j, int stride, double* out) {
   const int at = j * TILE_RAYS + i;
   const point8 d0 = corners8(scratch, at), d1 = corners8(scratch, at + 1);
@@ -251,7 +251,7 @@ inline void make_patches(
 }
 
 // The basis of one hemisphere taken over into the other's at the azimuth of (x, y): they differ by a turn of 2 phi.
-inline double8 other_hemisphere(double8 jones, double x, double y, int from_upper) {
+FORCE_INLINE double8 other_hemisphere(double8 jones, double x, double y, int from_upper) {
   const double rho2 = fmax(x * x + y * y, 1e-300);
   const double c = (y * y - x * x) / rho2, s = (from_upper ? -2.0 : 2.0) * x * y / rho2;
   // (e1, e2) -> (c e1 + s e2, -s e1 + c e2), for both incident polarisations and both parts.
@@ -264,7 +264,7 @@ typedef struct {
   int hemisphere; // 0 upper, 1 lower
 } patch_jones;
 
-inline patch_jones load_jones(global const double* scratch, int at) {
+FORCE_INLINE patch_jones load_jones(global const double* scratch, int at) {
   const int corner_at[4] = {at, at + 1, at + TILE_RAYS + 1, at + TILE_RAYS};
   global const double* z = scratch + SCRATCH_EXIT + EXIT_Z * TILE_PADDED;
   patch_jones jones;
@@ -282,7 +282,7 @@ inline patch_jones load_jones(global const double* scratch, int at) {
 
 // sin and cos of pi times x: reduction to half a turn is exact, then Taylor to below an ulp of 1, without any choice
 // between lanes.
-inline double8 sin_cos_half_turns(double8 x, double8* cosine) {
+FORCE_INLINE double8 sin_cos_half_turns(double8 x, double8* cosine) {
   const double8 k = rint(x), y = (x - k) * 3.14159265358979323846, y2 = y * y;
   const double8 sign = 1.0 - 2.0 * (k - 2.0 * floor(0.5 * k));
   double8 s = -3.868170170630684e-23, c = -8.896791392450574e-22;
@@ -319,7 +319,7 @@ typedef struct {
 // Which of eight directions (sin_theta, cos_theta) at azimuth (cos_phi, sin_phi) the patch holds, and with what
 // weights and phasor. patch: the fields of one cell, `stride` apart; corner_phase: half-turns; pass 0 looks into both
 // triangles, or into the first alone where the patch is folded, and pass 1 then into the second.
-inline int hits_in_column(const double* patch, int stride, const double* corner_phase, int pass, double cos_phi,
+FORCE_INLINE int hits_in_column(const double* patch, int stride, const double* corner_phase, int pass, double cos_phi,
                           double sin_phi, double8 sin_theta, double8 cos_theta, column_hits* hits) {
   const double first_factor = patch[PATCH_FIRST * stride], second_factor = patch[PATCH_SECOND * stride];
   const int folded = first_factor * second_factor < 0.0;
@@ -359,7 +359,7 @@ inline int hits_in_column(const double* patch, int stride, const double* corner_
 
 // The Jones matrix of one lane, in the basis of the direction's hemisphere (lower where cos_theta < 0). mirror = -1
 // takes the image in the symmetry plane.
-inline double8 hit_amplitude(const patch_jones* jones, double w0, double w1, double w2, double w3, double sine,
+FORCE_INLINE double8 hit_amplitude(const patch_jones* jones, double w0, double w1, double w2, double w3, double sine,
                              double cosine, double cos_theta, double cos_phi, double sin_phi, int mirror) {
   const double8 j = w0 * jones->corner[0] + w1 * jones->corner[1] + w2 * jones->corner[2] + w3 * jones->corner[3];
   const double8 turned = (double8)(-j.s4, -j.s5, -j.s6, -j.s7, j.s0, j.s1, j.s2, j.s3);
@@ -369,7 +369,7 @@ inline double8 hit_amplitude(const patch_jones* jones, double w0, double w1, dou
   return mirror < 0 ? amplitude * (double8)(1, -1, -1, 1, 1, -1, -1, 1) : amplitude;
 }
 
-inline void load_phases(global const double* scratch, int at, double* phase) {
+FORCE_INLINE void load_phases(global const double* scratch, int at, double* phase) {
   global const double* from = scratch + SCRATCH_EXIT + EXIT_PHASE * TILE_PADDED + at;
   phase[0] = from[0];
   phase[1] = from[1];
@@ -380,7 +380,7 @@ inline void load_phases(global const double* scratch, int at, double* phase) {
 #ifdef INTENSITIES
 #define ACCUMULATOR 16
 // Adds the Mueller matrix of one patch, in the scattering plane of the direction (no interference between patches).
-inline void accumulate(global double* sum, double8 j, double cos_phi, double sin_phi, int hemisphere) {
+FORCE_INLINE void accumulate(global double* sum, double8 j, double cos_phi, double sin_phi, int hemisphere) {
   const double h = hemisphere ? -1.0 : 1.0;
   // Field along (theta, phi) for incident x and y; then incident parallel and perpendicular.
 #define PART(o, e1, e2) const double o##_theta = h * cos_phi * e1 + sin_phi * e2, o##_phi = h * cos_phi * e2 - sin_phi * e1;
@@ -395,7 +395,7 @@ inline void accumulate(global double* sum, double8 j, double cos_phi, double sin
 }
 #else
 #define ACCUMULATOR 8
-inline void accumulate(global double* sum, double8 j, double cos_phi, double sin_phi, int hemisphere) {
+FORCE_INLINE void accumulate(global double* sum, double8 j, double cos_phi, double sin_phi, int hemisphere) {
   vstore8(vload8(0, sum) + j, 0, sum);
 }
 #endif
@@ -411,7 +411,7 @@ typedef struct {
 
 #define FAR_AWAY 1e30
 
-inline cell_bounds bound_cells(constant const job_t* job, global const double* scratch, int at) {
+FORCE_INLINE cell_bounds bound_cells(constant const job_t* job, global const double* scratch, int at) {
   global const double* field = scratch + SCRATCH_EXIT + at;
 #define CORNERS(name, lo, hi)                                                                  \
   double8 lo, hi;                                                                              \
@@ -494,7 +494,7 @@ typedef struct {
 
 // Adds what the cell sends into the rows of its span. sines and cosines of the rows are padded with zeros beyond the
 // last row: a zero vector lies in no patch.
-inline void lay_span(constant const job_t* job, span_t span, const double* patches, global const double* scratch,
+FORCE_INLINE void lay_span(constant const job_t* job, span_t span, const double* patches, global const double* scratch,
                      int cells_at, global const double* sin_theta, global const double* cos_theta,
                      global const double* cos_phi, global const double* sin_phi, global double* sums) {
   const double* patch = patches + span.cell;

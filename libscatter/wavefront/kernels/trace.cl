@@ -8,8 +8,7 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 // Everything is one loop body to the compiler: calls would pass vectors through memory.
-#undef inline // PoCL defines it too
-#define inline static inline __attribute__((always_inline))
+#define FORCE_INLINE static inline __attribute__((always_inline))
 
 #define RAY_LANES 16
 typedef double16 real;
@@ -30,33 +29,33 @@ typedef struct {
 #define SURFACE_HULL 3       // 3: 1/A^2 and 1/B^2 of an ellipsoid that holds the drop, its centre along the axis
 #define SURFACE_SHAPE 6      // polynomial coefficients in cos(theta), or 1/A^2 and 1/B^2 of the spheroid
 
-inline real dot3(vector3 a, vector3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline vector3 cross3(vector3 a, vector3 b) {
+FORCE_INLINE real dot3(vector3 a, vector3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+FORCE_INLINE vector3 cross3(vector3 a, vector3 b) {
   vector3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
   return c;
 }
-inline vector3 scale3(real s, vector3 a) {
+FORCE_INLINE vector3 scale3(real s, vector3 a) {
   vector3 c = {s * a.x, s * a.y, s * a.z};
   return c;
 }
-inline vector3 along3(vector3 p, real t, vector3 d) {
+FORCE_INLINE vector3 along3(vector3 p, real t, vector3 d) {
   vector3 c = {p.x + t * d.x, p.y + t * d.y, p.z + t * d.z};
   return c;
 }
-inline vector3 unit3(vector3 a) { return scale3(1.0 / sqrt(dot3(a, a)), a); }
+FORCE_INLINE vector3 unit3(vector3 a) { return scale3(1.0 / sqrt(dot3(a, a)), a); }
 // The same for a vector that is a unit vector but for rounding: one Newton step.
-inline vector3 still_unit3(vector3 a) { return scale3(1.5 - 0.5 * dot3(a, a), a); }
+FORCE_INLINE vector3 still_unit3(vector3 a) { return scale3(1.5 - 0.5 * dot3(a, a), a); }
 
 // Polar curve R(c) and dR/dc at c = cos(angle from straight down).
 #ifdef SURFACE_SPHEROID
-inline void polar_curve(constant const double* surface, real c, real* radius, real* slope) {
+FORCE_INLINE void polar_curve(constant const double* surface, real c, real* radius, real* slope) {
   const double across = surface[SURFACE_SHAPE], along = surface[SURFACE_SHAPE + 1];
   const real r = 1.0 / sqrt(across + (along - across) * c * c);
   *radius = r;
   *slope = (across - along) * c * r * r * r;
 }
 #else
-inline void polar_curve(constant const double* surface, real c, real* radius, real* slope) {
+FORCE_INLINE void polar_curve(constant const double* surface, real c, real* radius, real* slope) {
   real r = surface[SURFACE_SHAPE + SURFACE_DEGREE], s = 0.0;
   for (int n = SURFACE_DEGREE - 1; n >= 0; --n) {
     s = s * c + r;
@@ -67,19 +66,19 @@ inline void polar_curve(constant const double* surface, real c, real* radius, re
 }
 #endif
 
-inline vector3 surface_axis(constant const double* surface) {
+FORCE_INLINE vector3 surface_axis(constant const double* surface) {
   vector3 axis = {surface[SURFACE_AXIS], surface[SURFACE_AXIS + 1], surface[SURFACE_AXIS + 2]};
   return axis;
 }
 
 // True when Newton's next step is the last that changes a digit: convergence is quadratic, and slower by the slope.
 // Never so for NaN, which is what a ray that misses ends as.
-inline mask converged(real gap, real slope) { return fabs(gap) < 1e-8 * slope * slope + 1e-13; }
+FORCE_INLINE mask converged(real gap, real slope) { return fabs(gap) < 1e-8 * slope * slope + 1e-13; }
 
 // Newton's iteration for |P| = R along P = start + t d. For a convex drop the gauge |P|/R is convex along the line,
 // so from outside the steps close in without ever passing the root. misfit: |P|^2 - R^2 at the end; rise: how fast
 // |P|/R grows along the ray there (negative where it enters).
-inline void meet_surface(
+FORCE_INLINE void meet_surface(
     constant const double* surface, vector3 start, vector3 d, int steps, real* t, real* misfit, real* rise) {
   const vector3 axis = surface_axis(surface);
   const real axis_d = dot3(axis, d), axis_start = dot3(axis, start), start_d = dot3(start, d);
@@ -101,7 +100,7 @@ inline void meet_surface(
 }
 
 // Outward unit normal at a point of the surface.
-inline vector3 surface_normal(constant const double* surface, vector3 p) {
+FORCE_INLINE vector3 surface_normal(constant const double* surface, vector3 p) {
   const vector3 axis = surface_axis(surface);
   const real inverse_r = 1.0 / sqrt(dot3(p, p));
   const vector3 radial = scale3(inverse_r, p);
@@ -113,7 +112,7 @@ inline vector3 surface_normal(constant const double* surface, vector3 p) {
   return unit3(n);
 }
 
-inline complex_real times(complex_real a, complex_real b) {
+FORCE_INLINE complex_real times(complex_real a, complex_real b) {
   complex_real c = {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
   return c;
 }
@@ -125,28 +124,28 @@ typedef struct {
 } fresnel;
 
 #ifdef ABSORBING
-inline complex_real complex_sqrt(complex_real a) {
+FORCE_INLINE complex_real complex_sqrt(complex_real a) {
   const real magnitude = sqrt(a.re * a.re + a.im * a.im);
   const real re = sqrt(fmax(0.5 * (magnitude + a.re), 0.0)), im = sqrt(fmax(0.5 * (magnitude - a.re), 0.0));
   complex_real root = {re, copysign(im, a.im)};
   return root;
 }
-inline complex_real divide(complex_real a, complex_real b) {
+FORCE_INLINE complex_real divide(complex_real a, complex_real b) {
   const real scale = 1.0 / (b.re * b.re + b.im * b.im);
   complex_real c = {(a.re * b.re + a.im * b.im) * scale, (a.im * b.re - a.re * b.im) * scale};
   return c;
 }
-inline complex_real minus(complex_real a, complex_real b) {
+FORCE_INLINE complex_real minus(complex_real a, complex_real b) {
   complex_real c = {a.re - b.re, a.im - b.im};
   return c;
 }
-inline complex_real plus(complex_real a, complex_real b) {
+FORCE_INLINE complex_real plus(complex_real a, complex_real b) {
   complex_real c = {a.re + b.re, a.im + b.im};
   return c;
 }
 // cos_outside is complex beyond the critical angle; the transmitted coefficients carry sqrt of the ratio of the
 // normal energy flux, with the real parts of m and of the angles.
-inline fresnel fresnel_coefficients(
+FORCE_INLINE fresnel fresnel_coefficients(
     double n, double k, complex_real outside, complex_real inside, int leaving, real flux_ratio) {
   const complex_real m = {n, k};
   const complex_real m_in = times(m, inside), m_out = times(m, outside);
@@ -168,12 +167,12 @@ inline fresnel fresnel_coefficients(
   return f;
 }
 #else
-inline complex_real real_ratio(real a, real b) {
+FORCE_INLINE complex_real real_ratio(real a, real b) {
   complex_real c = {a / b, 0.0};
   return c;
 }
 // Outside -> inside, real index n; cosines of the angles of incidence and refraction.
-inline fresnel fresnel_entering(double n, real outside, real inside) {
+FORCE_INLINE fresnel fresnel_entering(double n, real outside, real inside) {
   const real s = outside + n * inside, p = n * outside + inside, both = 1.0 / (s * p);
   const real s_sum = p * both, p_sum = s * both;
   const real t = 2.0 * sqrt(n * outside * inside);
@@ -187,7 +186,7 @@ inline fresnel fresnel_entering(double n, real outside, real inside) {
 }
 // Inside -> outside. sine2: squared sine of the angle outside, above 1 in total reflection, where the cosine
 // outside is +i sqrt(sine2 - 1) (the field decays outwards).
-inline fresnel fresnel_leaving(double n, real inside, real sine2, real* outside) {
+FORCE_INLINE fresnel fresnel_leaving(double n, real inside, real sine2, real* outside) {
   const real cosine2 = 1.0 - sine2;
   const mask total = cosine2 < 0.0;
   const real q = sqrt(fabs(cosine2));
@@ -231,7 +230,7 @@ typedef struct {
 
 // Right-handed basis across d without trigonometry and smooth in each hemisphere (d.z >= 0 and d.z < 0): for
 // hemisphere = +1 the turn that takes z to d applied to x and y, for -1 the same about -z with y reversed.
-inline void transverse_basis(vector3 d, vector3* e1, vector3* e2) {
+FORCE_INLINE void transverse_basis(vector3 d, vector3* e1, vector3* e2) {
   const real h = select((real)(1.0), (real)(-1.0), d.z < 0.0);
   const real w = 1.0 / (1.0 + fabs(d.z)), xy = -d.x * d.y * w;
   e1->x = 1.0 - d.x * d.x * w;
@@ -242,7 +241,7 @@ inline void transverse_basis(vector3 d, vector3* e1, vector3* e2) {
   e2->z = -d.y;
 }
 
-inline void leave(
+FORCE_INLINE void leave(
     vector3 point, vector3 d, vector3 s, complex_real px, complex_real py, complex_real sx,
     complex_real sy, real path, real axis_crossings, real side, real valid, vector3 impact, exit_ray* out) {
   vector3 e1, e2;
@@ -265,7 +264,7 @@ inline void leave(
 }
 
 // s across the plane of incidence; any transverse vector serves at normal incidence, where s and p are alike.
-inline vector3 across_plane(vector3 d, vector3 n) {
+FORCE_INLINE vector3 across_plane(vector3 d, vector3 n) {
   vector3 s = cross3(d, n);
   const real sine2 = dot3(s, s);
   const mask degenerate = sine2 < 1e-28;
@@ -281,7 +280,7 @@ inline vector3 across_plane(vector3 d, vector3 n) {
 }
 
 // Order 0: the ray at (u, v) of the incident plane meets the drop, sends off a reflected ray and goes on inside.
-inline void enter(
+FORCE_INLINE void enter(
     constant const double* surface, double n, double k, double attenuation, real u, real v, int steps,
     ray_state* ray, exit_ray* out) {
   const vector3 axis = surface_axis(surface);
@@ -346,7 +345,7 @@ inline void enter(
 }
 
 // Orders 1, 2, ...: across the drop, out by refraction, and on inside by reflection. impact: where the ray came in.
-inline void bounce(
+FORCE_INLINE void bounce(
     constant const double* surface, double n, double k, double attenuation, vector3 impact, int steps,
     ray_state* ray, exit_ray* out) {
   const vector3 axis = surface_axis(surface);
