@@ -354,7 +354,7 @@ struct Tracer::Implementation {
     const int orders = last_order() + 1;
     std::vector<double> by_order(orders, 0.0);
     if (axisymmetric) {
-      by_order = energy_by_quadrature(light, last_order());
+      by_order = energy_by_quadrature(light, last_order(), covered_radius());
     } else {
       std::vector<double> energy(tiles.size() * orders);
       cl().download(pass.energy, std::span<double>(energy));
@@ -370,12 +370,12 @@ struct Tracer::Implementation {
     field.scattering_cross_section = shadow * (1 + scattered_share(light));
   }
 
-  /// Order energies in units of a^2 of an axisymmetric drop, from rays along one radius: Gauss-Legendre would
-  /// not see the rim's square-root singularity, a midpoint rule in the angle of incidence does.
-  std::vector<double> energy_by_quadrature(const Light& light, int last) {
+  /// Order energies in units of a^2 of an axisymmetric drop, from rays along one radius up to the rim:
+  /// Gauss-Legendre would not see the rim's square-root singularity, a midpoint rule in the angle of
+  /// incidence does.
+  std::vector<double> energy_by_quadrature(const Light& light, int last, double rim) {
     constexpr int samples = 4096;
     std::vector<double> u(samples), v(samples, 0.0), by_order(last + 1, 0.0);
-    const double rim = shadow_radius();
     for (int i = 0; i < samples; ++i) u[i] = rim * std::sin(0.5 * pi * (i + 0.5) / samples);
     const auto rays = trace(light, u, v, last);
     for (int i = 0; i < samples; ++i) {
@@ -388,13 +388,20 @@ struct Tracer::Implementation {
     return by_order;
   }
   [[nodiscard]] double shadow_radius() const { return std::sqrt(area / pi); }
+  /// How far complete patches reach from the axis of an axisymmetric drop.
+  [[nodiscard]] double covered_radius() const {
+    const double step = 2 * surface.largest_radius / tracing.rays, radius = shadow_radius();
+    const double aside = tracing.rays % 2 == 0 ? step / 2 : step,
+                 first = tracing.rays % 2 == 0 ? step / 2 : 0;
+    return first + step * std::floor((std::sqrt(radius * radius - aside * aside) - first) / step);
+  }
 
   /// Scattered share of the energy that meets the drop, all orders: 1 without absorption.
   double scattered_share(const Light& light) {
     if (light.index.imag() == 0) return 1;
     constexpr int last = 40, coarse = 256;
     if (axisymmetric) {
-      const auto by_order = energy_by_quadrature(light, last);
+      const auto by_order = energy_by_quadrature(light, last, shadow_radius());
       return std::accumulate(by_order.begin(), by_order.end(), 0.0) / area;
     }
     // Coarse tracing over all orders that matter; referred to what the same rays bring, so that the rim

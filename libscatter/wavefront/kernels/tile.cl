@@ -566,7 +566,7 @@ kernel void raster_tiles(
           const double8 rc = CORNER(EXIT_ROW, TILE_RAYS + 1), rd = CORNER(EXIT_ROW, TILE_RAYS);
 #undef CORNER
           const double8 ab = (rb - ra) / (cb - ca), bc = (rc - rb) / (cc - cb);
-          const double8 cd_slope = (rd - rc) / (cd - cc), da = (ra - rd) / (ca - cd);
+          const double8 cd_slope = (rd - rc) / (cd - cc), da = (ra - rd) / (ca - cd), ac = (rc - ra) / (cc - ca);
           long above[8], mirrored[8];
           vstore8(b.above, 0, above);
           vstore8(reflected, 0, mirrored);
@@ -583,6 +583,7 @@ kernel void raster_tiles(
     hi = select(hi, fmax(hi, row), crosses);                                \
   }
             CROSS(ca, ra, cb, ab) CROSS(cb, rb, cc, bc) CROSS(cc, rc, cd, cd_slope) CROSS(cd, rd, ca, da)
+            CROSS(ca, ra, cc, ac) // bounds the patch where it folds
 #undef CROSS
             const long8 spanned = b.plain & (lo <= hi);
             const double8 from = select(r0, fmax(r0, ceil(lo - b.bend)), spanned);
