@@ -47,9 +47,11 @@ void check(const Request& request) {
   if (!(request.sun_elevation_deg >= 0 && request.sun_elevation_deg <= 90))
     throw InputError(fmt::format(
         "--sun {}deg: the sun stands 0 to 90deg above the horizon", number(request.sun_elevation_deg)));
-  if (!(request.sun_disc_deg >= 0 && request.sun_disc_deg <= 10))
+  // A smaller disc is a point to every table, and would be sampled at a step of its own size.
+  if (request.sun_disc_deg != 0 && !(request.sun_disc_deg >= 0.01 && request.sun_disc_deg <= 10))
     throw InputError(fmt::format(
-        "--sun-disc {}deg: an angular diameter of 0 to 10deg is needed", number(request.sun_disc_deg)));
+        "--sun-disc {}deg: an angular diameter of 0.01 to 10deg is needed, or 0deg for a point",
+        number(request.sun_disc_deg)));
   if (request.rays < 2 || request.rays > 20000)
     throw InputError(fmt::format("--rays {}: the grid needs 2 to 20000 rays across", request.rays));
   if (request.threads < 0)
