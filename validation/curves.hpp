@@ -28,7 +28,7 @@ struct Curves {
     int threads, const Progress& progress = {});
 
 /// A sphere traced as any drop, one azimuth. The job runs wavelengths together: their time is the job's,
-/// shared evenly.
+/// shared evenly, without the compilation of kernels.
 [[nodiscard]] Curves
 traced_sphere(phase::Request request, const ThetaGrid& grid, const Progress& progress = {});
 

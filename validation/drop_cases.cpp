@@ -1,8 +1,8 @@
 #include "cases.hpp"
 #include <scatter/compute/device.hpp>
 #include <scatter/optics/errors.hpp>
+#include <scatter/optics/units.hpp>
 #include <scatter/phase/job.hpp>
-#include <scatter/table/grid.hpp>
 #include <scatter/wavefront/far_field.hpp>
 
 #include <fmt/format.h>
@@ -19,10 +19,44 @@ namespace {
 
 using nlohmann::ordered_json;
 
-std::vector<double> even(double last, int steps) {
+/// A band of scattering angles and how finely it is sampled.
+struct Band {
+  double from_deg, to_deg, step_deg, phi_step_deg;
+};
+
+/// Centres of the cells of an even division.
+std::vector<double> midpoints(double from, double to, double step) {
+  const auto count = static_cast<int>(std::llround((to - from) / step));
   std::vector<double> values;
-  for (int i = 0; i <= steps; ++i) values.push_back(last * i / steps);
+  for (int i = 0; i < count; ++i) values.push_back(from + (to - from) * (i + 0.5) / count);
   return values;
+}
+
+/// Bands that cover 0 to 180 deg, fine where the intensity of an order has infinite, integrable edges: around
+/// its bow, wherever in azimuth that is. External reflection rises steeply towards the forward direction.
+std::vector<Band> bands_of(int order, const phase::Request& request, const compute::Device& device) {
+  if (order == 0) return {{0, 16, 0.025, 0.125}, {16, 180, 0.05, 0.5}};
+  if (order == 1) return {{0, 180, 0.05, 0.5}};
+  wavefront::Tracing tracing;
+  tracing.shape = request.shape;
+  tracing.sun_elevation_deg = request.sun_elevation_deg;
+  tracing.orders = {order};
+  const double wavelength = request.wavelength_m.front();
+  wavefront::Tracer tracer(tracing, device);
+  double low = 180, high = 0;
+  for (const auto& [theta, phi] :
+       tracer.bow_curve({wavelength, refractive_index(request.index, wavelength)}, order)) {
+    low = std::min(low, theta);
+    high = std::max(high, theta);
+  }
+  if (low > high) return {{0, 180, 0.0125, 0.25}};
+  low = std::clamp(std::floor(low - 2), 0.0, 180.0);
+  high = std::clamp(std::ceil(high + 2), 0.0, 180.0);
+  std::vector<Band> bands;
+  if (low > 0) bands.push_back({0, low, 0.05, 0.5});
+  bands.push_back({low, high, 0.0025, 0.25});
+  if (high < 180) bands.push_back({high, 180, 0.025, 0.5});
+  return bands;
 }
 
 } // namespace
@@ -32,14 +66,15 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
   report.name = "energy";
   report.title = "Energy of every order of a falling drop";
   const double radius_m = 0.5e-3, sun_deg = 20, wavelength_m = 650e-9;
-  const std::vector<int> rays = settings.quick ? std::vector<int>{250, 500} : std::vector<int>{500, 1000};
-  const int theta_steps = settings.quick ? 3600 : 7200, phi_steps = settings.quick ? 180 : 720;
+  const std::vector<int> rays = settings.quick ? std::vector<int>{500} : std::vector<int>{500, 1000};
   struct Row {
     int order, rays;
     double integral, carried, seconds;
+    std::size_t directions;
     [[nodiscard]] double error() const { return integral / carried - 1; }
   };
   std::vector<Row> rows;
+  const compute::Device device(settings.threads);
   for (const int count : rays)
     for (const int order : settings.orders) {
       phase::Request request;
@@ -47,8 +82,6 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
       request.sun_elevation_deg = sun_deg;
       request.wavelength_m = {wavelength_m};
       request.index = settings.index;
-      request.theta_deg = even(180, theta_steps);
-      request.phi_deg = even(180, phi_steps);
       request.rays = count;
       request.orders = {order};
       request.method = phase::Method::patches;
@@ -56,16 +89,28 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
       request.interference = false;
       request.threads = settings.threads;
       const auto start = std::chrono::steady_clock::now();
-      const table::PhaseTable table = phase::compute(request);
-      const table::Slab& slab = table.slabs.front();
-      const std::optional<double> integral =
-          table::sphere_integral(request.theta_deg, request.phi_deg, slab.phase_function);
-      if (!integral) throw RunError("energy: the grid of directions does not cover the sphere");
-      // The extinction cross section is twice the shadow, which the carried energy is a share of.
-      const double shadow = slab.extinction_cross_section / 2;
-      rows.push_back(
-          {order, count, *integral * slab.scattering_cross_section / shadow, slab.order_energy.front(),
-           std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
+      Row row{order, count, 0, 0, 0, 0};
+      for (const Band& band : bands_of(order, request, device)) {
+        request.theta_deg = midpoints(band.from_deg, band.to_deg, band.step_deg);
+        request.phi_deg = midpoints(0, 180, band.phi_step_deg);
+        const table::PhaseTable table = phase::compute(request);
+        const table::Slab& slab = table.slabs.front();
+        const std::size_t columns = request.phi_deg.size();
+        double sum = 0;
+        for (std::size_t t = 0; t < request.theta_deg.size(); ++t) {
+          double mean = 0;
+          for (std::size_t f = 0; f < columns; ++f) mean += slab.phase_function[t * columns + f];
+          sum += mean / static_cast<double>(columns) * std::sin(request.theta_deg[t] * radians_per_degree);
+        }
+        // The extinction cross section is twice the shadow, which the carried energy is a share of.
+        const double shadow = slab.extinction_cross_section / 2;
+        row.integral +=
+            sum * 2 * pi * band.step_deg * radians_per_degree * slab.scattering_cross_section / shadow;
+        row.carried = slab.order_energy.front();
+        row.directions += slab.phase_function.size();
+      }
+      row.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      rows.push_back(row);
       progress(static_cast<double>(rows.size()) / static_cast<double>(rays.size() * settings.orders.size()));
     }
 
@@ -73,46 +118,48 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
   report.numbers["radius_m"] = radius_m;
   report.numbers["sun_elevation_deg"] = sun_deg;
   report.numbers["wavelength_m"] = wavelength_m;
-  report.numbers["directions"] = {theta_steps + 1, phi_steps + 1};
   report.numbers["rows"] = ordered_json::array();
   Table table{
       "Share of the energy that meets the drop",
-      {"order p", "rays", "in the rays", "over all directions", "relative difference", "time"},
+      {"order p", "rays", "directions", "in the rays", "over all directions", "relative difference", "time"},
       {}};
-  double worst = 0;
   for (const Row& row : rows) {
     report.numbers["rows"].push_back(
         {{"p", row.order},
          {"rays", row.rays},
+         {"directions", row.directions},
          {"order_energy", row.carried},
          {"solid_angle_integral", row.integral},
          {"relative_difference", row.error()},
          {"seconds", row.seconds}});
     table.rows.push_back(
-        {fmt::format("{}", row.order), fmt::format("{}", row.rays), fmt::format("{:.6f}", row.carried),
-         fmt::format("{:.6f}", row.integral), fmt::format("{:+.2e}", row.error()),
-         fmt::format("{:.2f} s", row.seconds)});
+        {fmt::format("{}", row.order), fmt::format("{}", row.rays),
+         fmt::format("{:.1f} million", static_cast<double>(row.directions) / 1e6),
+         fmt::format("{:.6f}", row.carried), fmt::format("{:.6f}", row.integral),
+         fmt::format("{:+.2e}", row.error()), fmt::format("{:.2f} s", row.seconds)});
     report.checks.push_back(
         {fmt::format("p = {}, {} x {} rays", row.order, row.rays, row.rays), std::abs(row.error()), 1e-3,
          ""});
-    worst = std::max(worst, std::abs(row.error()));
   }
-  report.blocks.emplace_back(Paragraph{fmt::format(
+  report.blocks.emplace_back(Paragraph{
       "A Beard-Chuang drop of 0.5 mm under a sun at 20 deg, 650 nm, without interference and diffraction. "
-      "Every order's intensity is integrated over {} x {} directions (0 to 180 deg each way; the other half "
-      "is "
-      "its mirror image) and held against the energy that the patches of that order carry. Patches that "
-      "fold, "
-      "wrap around a pole or straddle the seam would show as energy lost or counted twice. The integral "
-      "itself "
-      "samples a function with infinite, integrable edges, and cannot be much better than this.",
-      theta_steps + 1, phi_steps + 1)});
+      "Every "
+      "order's intensity is integrated over all directions and held against the energy that the patches of "
+      "that "
+      "order carry. Patches that fold, wrap around a pole or straddle the seam would show as energy lost or "
+      "counted twice. Directions lie closest around the bows (0.0025 deg by 0.25 deg), whose edges are "
+      "infinitely "
+      "bright: there the integral itself is the harder part. Interpolated amplitudes fall short of the rays' "
+      "own where these turn quickly from ray to ray: at the drop's rim, which matters to orders 0 and 3 and "
+      "shrinks with more rays."});
   report.blocks.emplace_back(std::move(table));
+  const auto worst = std::ranges::max_element(
+      rows, {}, [&](const Row& row) { return row.rays == rays.back() ? std::abs(row.error()) : 0; });
   report.findings.push_back(fmt::format(
-      "Energy of a 0.5 mm raindrop: every order's integral over all directions agrees with what its rays "
-      "carried "
-      "to {:.1e}, at worst.",
-      worst));
+      "Energy of a 0.5 mm raindrop, {0} x {0} rays: every order's integral over all directions agrees with "
+      "what "
+      "its rays carried to {1:.1e} or better; order {2} is the worst.",
+      worst->rays, std::abs(worst->error()), worst->order));
   return report;
 }
 

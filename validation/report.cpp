@@ -80,22 +80,30 @@ th:first-child, td:first-child { text-align: left; }
 tbody tr:nth-child(even) { background: #f5f8fa; }
 td.good { color: #19692c; font-weight: bold; }
 td.bad { color: #a11b1b; font-weight: bold; }
+summary { cursor: pointer; font-size: .88rem; font-weight: bold; padding: .2rem 0; }
 figure { margin: 1rem 0; }
 figure svg { width: 100%; height: auto; display: block; }
 figcaption { font-size: .9rem; color: #3b4855; max-width: 52rem; }
 code { background: #eef2f5; padding: 0 .25em; border-radius: 3px; overflow-wrap: anywhere; }
 )";
 
-/// An SVG document as HTML takes it inline: without prolog, comments and document type.
+/// An SVG document as HTML takes it inline: without prolog and document type, and without a title, which a
+/// browser would show wherever the mouse rests.
 std::string inline_svg(const std::string& svg) {
   const std::size_t start = svg.find("<svg");
   const std::size_t end = svg.rfind("</svg>");
   if (start == svg.npos || end == svg.npos) throw RunError("the plotting program wrote no SVG");
-  return svg.substr(start, end + 6 - start);
+  std::string text = svg.substr(start, end + 6 - start);
+  const std::size_t title = text.find("<title>"), first_shape = text.find("<g");
+  if (title < first_shape) text.erase(title, text.find("</title>", title) + 8 - title);
+  return text;
 }
 
 void add_table(std::string& html, const Table& table) {
-  html += "<div class=\"scroll\"><table><caption>" + escape(table.caption) + "</caption><thead><tr>";
+  if (table.folded) html += "<details><summary>" + escape(table.caption) + "</summary>";
+  html += "<div class=\"scroll\"><table>";
+  if (!table.folded) html += "<caption>" + escape(table.caption) + "</caption>";
+  html += "<thead><tr>";
   for (const std::string& column : table.columns) html += "<th scope=\"col\">" + escape(column) + "</th>";
   html += "</tr></thead><tbody>\n";
   for (const auto& row : table.rows) {
@@ -107,7 +115,8 @@ void add_table(std::string& html, const Table& table) {
     }
     html += "</tr>\n";
   }
-  html += "</tbody></table></div>\n";
+  html += "</tbody></table></div>";
+  html += table.folded ? "</details>\n" : "\n";
 }
 
 void add_block(std::string& html, const Block& block) {

@@ -23,6 +23,7 @@ struct Table {
   std::string caption;
   std::vector<std::string> columns;
   std::vector<std::vector<std::string>> rows;
+  bool folded = false; ///< shown when the reader opens it
 };
 struct Figure {
   std::string svg; ///< a whole SVG document
