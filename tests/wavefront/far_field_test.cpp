@@ -92,7 +92,7 @@ TEST_P(RasterAndTreeOn, GiveTheSameField) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(
-    Drops, RasterAndTree, testing::Range<std::size_t>(0, drops.size()),
+    Drops, RasterAndTreeOn, testing::Range<std::size_t>(0, drops.size()),
     [](const auto& one) { return drops[one.param].name; });
 
 TEST(RasterAndTree, AgreeWhereCoarsePatchesFold) {
