@@ -150,8 +150,8 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
       "counted twice. Directions lie closest around the bows (0.0025 deg by 0.25 deg), whose edges are "
       "infinitely "
       "bright: there the integral itself is the harder part. Interpolated amplitudes fall short of the rays' "
-      "own where these turn quickly from ray to ray: at the drop's rim, which matters to orders 0 and 3 and "
-      "shrinks with more rays."});
+      "own where these turn quickly from ray to ray: at the drop's rim, most of all "
+      "for order 0, and less so with more rays."});
   report.blocks.emplace_back(std::move(table));
   const auto worst = std::ranges::max_element(
       rows, {}, [&](const Row& row) { return row.rays == rays.back() ? std::abs(row.error()) : 0; });
