@@ -52,7 +52,8 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
     }
   }
 
-  // Filters need even neighbours: a dense even grid has them, any other angle gets a stretch of its own.
+  // Filters need even neighbours. An even grid is filled up until it has them: more directions, but a raster
+  // lays thousands while a tree finds one. Any other angle gets a stretch of its own.
   const double widest =
       std::max(wanted.filter_sigma_deg * std::max(last_order - 1, 1) * 4, wanted.sun_disc_deg / 2);
   const double narrowest = std::min(
@@ -79,7 +80,9 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
     layout.segment_end.assign(wanted.theta_deg.size(), rows);
     layout.row_of.resize(wanted.theta_deg.size());
     std::iota(layout.row_of.begin(), layout.row_of.end(), 0);
-  } else if (wanted.theta_deg.size() > 1 && step > 0 && step <= 4 * narrowest) {
+  } else if (
+      wanted.theta_deg.size() > 1 && step > 0 &&
+      (step <= 4 * narrowest || (tracing.search != Search::tree && even_spacing(layout.phi_deg) > 0))) {
     // One stretch, refined by a whole number so that wanted angles stay on it, and continued on both sides.
     const int refine = std::max(1, static_cast<int>(std::ceil(step / narrowest - 1e-9)));
     const double fine = step / refine;
