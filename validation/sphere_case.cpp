@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 
 namespace scatter::validation {
 
@@ -158,11 +159,19 @@ struct Convergence {
   struct Row {
     int rays;
     double seconds;
-    std::vector<Errors> to_exact, to_finest; ///< per region, averaged over the sun's disc
+    std::vector<Errors> to_exact;                 ///< per region, averaged over the sun's disc
+    std::vector<std::optional<Errors>> to_finest; ///< nothing where the chosen orders send no light
   };
   int finest = 0;
   std::vector<Row> rows;
 };
+
+bool is_lit(const Curve& curve, const ThetaGrid& grid, const Region& region) {
+  for (std::size_t t = 0; t < grid.theta_deg.size(); ++t)
+    if (grid.theta_deg[t] >= region.from_deg && grid.theta_deg[t] <= region.to_deg && !(curve.s11[t] > 0))
+      return false;
+  return true;
+}
 
 Convergence converge(const Settings& settings, const Progress& progress) {
   Convergence found;
@@ -192,7 +201,9 @@ Convergence converge(const Settings& settings, const Progress& progress) {
   for (std::size_t i = 0; i < counts.size(); ++i)
     for (const Region& region : regions()) {
       found.rows[i].to_exact.push_back(compare(curves[i], truth, grid, region));
-      found.rows[i].to_finest.push_back(compare(curves[i], curves.back(), grid, region));
+      found.rows[i].to_finest.push_back(
+          is_lit(curves.back(), grid, region) ? std::optional(compare(curves[i], curves.back(), grid, region))
+                                              : std::nullopt);
     }
   found.rows.pop_back();
   return found;
@@ -209,7 +220,7 @@ ordered_json to_json(const Convergence& found) {
            {"seconds", row.seconds},
            {"region_deg", to_json(regions()[r])},
            {"to_exact", to_json(row.to_exact[r])},
-           {"to_finest", to_json(row.to_finest[r])}});
+           {"to_finest", row.to_finest[r] ? to_json(*row.to_finest[r]) : ordered_json()}});
   return json;
 }
 
@@ -501,8 +512,13 @@ CaseReport run_sphere(const Settings& settings, const Progress& progress) {
     table.columns.emplace_back("time");
     for (const auto& row : convergence.rows) {
       std::vector<std::string> cells{fmt::format("{}", row.rays)};
-      for (const Errors& errors : exact ? row.to_exact : row.to_finest)
-        cells.push_back(exact ? percent(errors.rms) : fmt::format("{:.3g} %", 100 * errors.rms));
+      for (std::size_t r = 0; r < regions().size(); ++r) {
+        if (exact)
+          cells.push_back(percent(row.to_exact[r].rms));
+        else
+          cells.push_back(
+              row.to_finest[r] ? fmt::format("{:.3g} %", 100 * row.to_finest[r]->rms) : "no light");
+      }
       cells.push_back(seconds_text(row.seconds));
       table.rows.push_back(std::move(cells));
     }

@@ -138,6 +138,12 @@ void run(const Texts& texts, const Context& context) {
   }
   const std::vector<validation::Case> chosen = chosen_cases(texts.cases);
   const validation::Settings settings = settings_of(texts);
+  const auto in_colour = [](const validation::Case& one) { return one.name.starts_with("figure"); };
+  const auto visible = [](double wavelength) { return wavelength >= 380e-9 && wavelength <= 780e-9; };
+  if (std::ranges::any_of(chosen, in_colour) && std::ranges::none_of(settings.wavelength_m, visible))
+    throw InputError(
+        "--wavelengths: the figures show colours and need some light from 380nm to 780nm; add some or choose "
+        "--case sphere,energy,bow-angles");
   if (texts.output.empty())
     throw InputError("--output: \"\" is empty; name a folder such as validation-report");
   validation::Report report;

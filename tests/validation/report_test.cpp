@@ -188,9 +188,19 @@ INSTANTIATE_TEST_SUITE_P(
         std::tuple(Arguments{"--wavelengths", "150nm"}, "--wavelengths"),
         std::tuple(Arguments{"--wavelengths", "2um"}, "--wavelengths"),
         std::tuple(Arguments{"--index", "hale-querry", "--wavelengths", "300nm"}, "--wavelengths"),
+        std::tuple(Arguments{"--wavelengths", "300nm"}, "380nm to 780nm"),
         std::tuple(Arguments{"--rays", "1"}, "--rays"), std::tuple(Arguments{"--orders", "-1"}, "--orders"),
         std::tuple(Arguments{"--threads", "many"}, "--threads"),
         std::tuple(Arguments{"--output", "/nowhere/at/all"}, "--output")));
+
+TEST(Validate, OrdersThatLeaveTheSkyDarkAreReported) {
+  const TemporaryFolder folder;
+  const Outcome outcome = run(
+      {"validate", "--quick", "--case", "sphere,figure-3.12", "--orders", "1,2", "--radius", "0.1mm",
+       "--rays", "100", "--output", folder.file("report")});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+  EXPECT_THAT(contents(folder.file("report/index.html")), HasSubstr("no light"));
+}
 
 TEST(Validate, FullDiskLeavesNothing) {
   const TemporaryFolder folder;
