@@ -37,20 +37,8 @@ constexpr int wrong_input = 2;
 
 using AddVerb = void (*)(CLI::App&, scatter::app::Context&);
 constexpr AddVerb verbs[] = {
-#ifdef SCATTER_HAS_MIE
-    scatter::app::add_mie,
-#endif
-    scatter::app::add_phase,
-#ifdef SCATTER_HAS_VALIDATE
-    scatter::app::add_validate,
-#endif
-#ifdef SCATTER_HAS_INFO
-    scatter::app::add_info,
-#endif
-#ifdef SCATTER_HAS_PLOT
-    scatter::app::add_plot,
-#endif
-};
+    scatter::app::add_mie, scatter::app::add_phase, scatter::app::add_validate, scatter::app::add_info,
+    scatter::app::add_plot};
 
 /// Killed or stopped: no half file stays behind, and whoever waits for us sees the signal, as the convention
 /// wants.
@@ -180,7 +168,7 @@ int report(int code, const CLI::App& program, const std::string& message) {
   std::string line =
       "scatter" + (used.empty() ? std::string() : " " + used.front()->get_name()) + ": " + message;
   std::ranges::replace_if(
-      line, [](char c) { return c == '\n' || c == '\r'; }, ' ');
+      line, [](unsigned char c) { return c < 0x20 || c == 0x7F; }, '?'); // one line, come what may
   (void)std::fprintf(stderr, "%s\n", line.c_str());
   return code;
 }
@@ -237,12 +225,5 @@ int main(int argc, char** argv) {
   for (CLI::App* const verb : program.get_subcommands({}))
     verb->add_flag_function("--verbose", be_verbose, "Log what is done to standard error");
 
-  const int code = run(program, argc, argv);
-  if (code == failed) {
-    // Everything of ours is closed. What libraries do at exit is left out: HDF5 would try once more to finish
-    // a file whose disk is full, and crash.
-    (void)std::fflush(nullptr);
-    std::_Exit(code);
-  }
-  return code;
+  return run(program, argc, argv);
 }

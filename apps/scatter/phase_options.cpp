@@ -128,7 +128,8 @@ void PhaseOptions::add_to(CLI::App& verb) {
       "raster, tree or auto: how directions find their patches" + standard(search_));
   add("--threads", threads_, "N",
       "Threads to use, 0 for all cores; results do not depend on it" + standard(threads_));
-  add("--tolerance", tolerance_, "NUMBER", "Not available in this version");
+  // Not shown by --help: known only to say that it is not there yet.
+  add("--tolerance", tolerance_, "NUMBER", "")->group("");
   add_flag("--explain", explain_, "Say how the request would be computed; compute it only with --output");
 
   group = "Output";
