@@ -45,7 +45,18 @@ struct Candidate {
 };
 struct Edge {
   double theta, sigma;
+  int weights, reach;
 };
+
+/// Weights of a symmetric kernel at 0, 1, .., reach: with both sides they add up to 1.
+template <typename Kernel>
+std::vector<double> symmetric_weights(int reach, Kernel&& kernel) {
+  std::vector<double> weights;
+  for (int k = 0; k <= reach; ++k) weights.push_back(kernel(k));
+  const double sum = 2 * std::accumulate(weights.begin(), weights.end(), 0.0) - weights[0];
+  for (double& weight : weights) weight /= sum;
+  return weights;
+}
 
 } // namespace
 
@@ -533,19 +544,28 @@ struct Tracer::Implementation {
   }
 
   /// Edges per column for the Gaussian filter: where a bow's curve crosses the column.
-  cl::Buffer make_edges(
-      const Light& light, const Layout& layout, const Block& block, const Wanted& wanted, int* per_column) {
+  struct Edges {
+    cl::Buffer edges, weights;
+    int per_column = 1;
+  };
+  Edges make_edges(const Light& light, const Layout& layout, const Block& block, const Wanted& wanted) {
     const int columns = block.end - block.first;
     std::vector<std::vector<Edge>> found(columns);
+    std::vector<double> weights;
     const std::vector<Curve> curves = bow_curves(light, last_order());
     for (const int order : tracing.orders) {
       if (order < 2) continue;
       const double sigma = wanted.filter_sigma_deg * (order - 1);
       const Curve& curve = curves[order];
+      const double step = layout.spacing_deg / sigma;
+      const int at = static_cast<int>(weights.size()), reach = static_cast<int>(4 / step);
+      const auto kernel =
+          symmetric_weights(reach, [&](int k) { return std::exp(-0.5 * k * step * k * step); });
+      weights.insert(weights.end(), kernel.begin(), kernel.end());
       for (int column = 0; column < columns; ++column) {
         const double phi = layout.phi_deg[block.first + column];
         if (axisymmetric) {
-          for (const auto& point : curve) found[column].push_back({point[0], sigma});
+          for (const auto& point : curve) found[column].push_back({point[0], sigma, at, reach});
           continue;
         }
         for (std::size_t i = 0; i + 1 < curve.size(); ++i) {
@@ -554,7 +574,7 @@ struct Tracer::Implementation {
           if (std::abs(theta1 - theta0) > 5 || std::abs(phi1 - phi0) > 20) continue; // another bow
           if ((phi0 - phi) * (phi1 - phi) > 0) continue;
           const double f = phi1 == phi0 ? 0 : (phi - phi0) / (phi1 - phi0);
-          found[column].push_back({theta0 + f * (theta1 - theta0), sigma});
+          found[column].push_back({theta0 + f * (theta1 - theta0), sigma, at, reach});
         }
       }
     }
@@ -562,11 +582,10 @@ struct Tracer::Implementation {
     for (const auto& edges : found) most = std::max(most, edges.size());
     std::vector<Edge> flat;
     for (auto& edges : found) {
-      edges.resize(most, {0, 0});
+      edges.resize(most, {0, 0, 0, 0});
       flat.insert(flat.end(), edges.begin(), edges.end());
     }
-    *per_column = static_cast<int>(most);
-    return cl().upload(flat);
+    return {cl().upload(flat), cl().upload(weights), static_cast<int>(most)};
   }
 
   /// A buffer kept from one use to the next, so that its pages are touched once.
@@ -581,10 +600,10 @@ struct Tracer::Implementation {
   struct Run {
     const Wanted& wanted;
     Layout layout;
-    Cut cut;
-    cl::Buffer row_of, source_column, theta, spacing, segment_first, segment_end;
-    std::vector<Pass> passes;                  ///< one per wavelength in flight
-    cl::Buffer table, smooth, mean, amplitude; ///< [column][row][elements]
+    Cut cut{};
+    cl::Buffer row_of{}, source_column{}, theta{}, segment_first{}, segment_end{};
+    std::vector<Pass> passes{};                        ///< one per wavelength in flight
+    cl::Buffer table{}, smooth{}, mean{}, amplitude{}; ///< [column][row][elements]
     [[nodiscard]] int rows() const { return static_cast<int>(layout.theta_deg.size()); }
     [[nodiscard]] int columns() const { return static_cast<int>(layout.phi_deg.size()); }
     [[nodiscard]] std::size_t values() const { return wanted.theta_deg.size() * wanted.phi_deg.size(); }
@@ -657,17 +676,21 @@ struct Tracer::Implementation {
     pass.clean = block.end - block.first == run.cut.columns;
     cl::Buffer table = run.table;
     if (wanted.filter_sigma_deg > 0) {
-      int per_column = 0;
-      const cl::Buffer edges = make_edges(light, run.layout, block, wanted, &per_column);
+      const Edges edges = make_edges(light, run.layout, block, wanted);
       over_columns(
           code, "smooth_edges", block, table, kept(run.smooth, size), rows, elements, run.theta,
-          run.segment_first, run.segment_end, run.spacing, edges, per_column);
+          run.segment_first, run.segment_end, edges.edges, edges.per_column, edges.weights);
       table = run.smooth;
     }
     if (wanted.sun_disc_deg > 0) {
+      const double step = run.layout.spacing_deg / (wanted.sun_disc_deg / 2);
+      const int reach = static_cast<int>(1 / step);
+      // Chords of a uniform disc.
+      const cl::Buffer weights = cl().upload(
+          symmetric_weights(reach, [&](int k) { return std::sqrt(std::max(1 - k * step * k * step, 0.0)); }));
       over_columns(
-          code, "average_disc", block, table, kept(run.mean, size), rows, elements, wanted.sun_disc_deg / 2,
-          run.segment_first, run.segment_end, run.spacing);
+          code, "average_disc", block, table, kept(run.mean, size), rows, elements, run.segment_first,
+          run.segment_end, weights, reach);
       table = run.mean;
     }
     field.phase_function.resize(run.values());
@@ -686,18 +709,11 @@ struct Tracer::Implementation {
       const std::function<void(std::size_t, FarField&)>& done) {
     if (!tracing.interference && (wanted.amplitudes || wanted.per_order))
       throw InputError("--amplitudes and --per-order need interference: drop --no-interference");
-    Run run{wanted, make_layout(wanted, tracing, axisymmetric, last_order()),
-            {},     {},
-            {},     {},
-            {},     {},
-            {},     {},
-            {},     {},
-            {},     {}};
+    Run run{wanted, make_layout(wanted, tracing, axisymmetric, last_order())};
     run.cut = cut(lights.size(), run.layout, wanted.matrix);
     run.row_of = cl().upload(run.layout.row_of);
     run.source_column = cl().upload(run.layout.source_column);
     run.theta = cl().upload(run.layout.theta_deg);
-    run.spacing = cl().upload(run.layout.spacing_deg);
     run.segment_first = cl().upload(run.layout.segment_first);
     run.segment_end = cl().upload(run.layout.segment_end);
     run.passes.resize(run.cut.at_once);

@@ -64,9 +64,9 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
   const double step = even_spacing(wanted.theta_deg);
   const auto add_stretch = [&](double first, double spacing, int count) {
     const int begin = static_cast<int>(layout.theta_deg.size());
+    layout.spacing_deg = spacing;
     for (int i = 0; i < count; ++i) {
       layout.theta_deg.push_back(first + i * spacing);
-      layout.spacing_deg.push_back(spacing);
       layout.segment_first.push_back(begin);
       layout.segment_end.push_back(begin + count);
     }
@@ -75,7 +75,7 @@ Layout make_layout(const Wanted& wanted, const Tracing& tracing, bool axisymmetr
   if (reach == 0) {
     layout.theta_deg = wanted.theta_deg;
     const int rows = static_cast<int>(wanted.theta_deg.size());
-    layout.spacing_deg.assign(wanted.theta_deg.size(), step > 0 ? step : 1);
+    layout.spacing_deg = step > 0 ? step : 1;
     layout.segment_first.assign(wanted.theta_deg.size(), 0);
     layout.segment_end.assign(wanted.theta_deg.size(), rows);
     layout.row_of.resize(wanted.theta_deg.size());

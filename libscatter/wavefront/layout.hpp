@@ -21,7 +21,7 @@ struct Layout {
   std::vector<int> row_of;                     ///< per wanted theta
   std::vector<int> source_column;              ///< per wanted phi; ~column for its mirror image
   std::vector<int> segment_first, segment_end; ///< per row: the evenly spaced stretch that it belongs to
-  std::vector<double> spacing_deg;             ///< per row
+  double spacing_deg = 1;                      ///< between the rows of a stretch
   bool raster = false;
 };
 

@@ -74,67 +74,128 @@ kernel void sums_to_amplitude(global const double* sums, global const double* co
 #endif
 }
 
-// One window of the Gaussian filter: the bow's edge at theta in this column, the width of the kernel there.
+// A symmetric kernel over neighbouring rows: weights[0] in the middle, up to weights[reach] on both sides, sum 1. Rows
+// come in stretches first..end-1 of equal spacing; a kernel that would leave its stretch ends there and is normalised
+// again.
+FORCE_INLINE double16 smooth_matrix(global const double* from, int row, int first, int end, global const double* weights,
+                                    int reach) {
+  double16 sum = weights[0] * vload16(row, from);
+  double norm = weights[0];
+  for (int k = 1; k <= reach; ++k) {
+    if (row - k >= first) {
+      sum += weights[k] * vload16(row - k, from);
+      norm += weights[k];
+    }
+    if (row + k < end) {
+      sum += weights[k] * vload16(row + k, from);
+      norm += weights[k];
+    }
+  }
+  return sum / norm;
+}
+FORCE_INLINE double smooth_row(global const double* from, int row, int first, int end, global const double* weights,
+                               int reach) {
+  double sum = weights[0] * from[row], norm = weights[0];
+  for (int k = 1; k <= reach; ++k) {
+    if (row - k >= first) {
+      sum += weights[k] * from[row - k];
+      norm += weights[k];
+    }
+    if (row + k < end) {
+      sum += weights[k] * from[row + k];
+      norm += weights[k];
+    }
+  }
+  return sum / norm;
+}
+// Rows row..row+7 of one stretch.
+FORCE_INLINE double8 smooth_rows(global const double* from, int row, int first, int end, global const double* weights,
+                                 int reach) {
+  if (row - reach >= first && row + 7 + reach < end) {
+    double8 sum = weights[0] * vload8(0, from + row);
+    for (int k = 1; k <= reach; ++k) sum += weights[k] * (vload8(0, from + row - k) + vload8(0, from + row + k));
+    return sum;
+  }
+  double some[8];
+  for (int lane = 0; lane < 8; ++lane) some[lane] = smooth_row(from, row + lane, first, end, weights, reach);
+  return vload8(0, some);
+}
+
+// One window of the Gaussian filter: the bow's edge at theta in this column, the width of its kernel, and where the
+// kernel's weights are.
 typedef struct {
   double theta, sigma;
+  int weights, reach;
 } edge_t;
 
-// Gaussian smoothing of sharp edges: within 3 sigma of an edge the table is smoothed, beyond 5 sigma it is not, in
-// between smoothly. rows come in segments of equal spacing; a kernel that would leave its segment ends at it.
+// How much of a row is taken from the smoothed table: all within one sigma of the edge, nothing beyond three. Wider
+// windows wash out the first supernumeraries and let the secondary bow reach under the primary.
+FORCE_INLINE double window(double distance) {
+  const double f = clamp((3.0 - distance) * 0.5, 0.0, 1.0);
+  return f * f * (3.0 - 2.0 * f);
+}
+FORCE_INLINE double8 window8(double8 distance) {
+  const double8 f = clamp((3.0 - distance) * 0.5, 0.0, 1.0);
+  return f * f * (3.0 - 2.0 * f);
+}
+
+// Gaussian smoothing of sharp edges. Where windows overlap, their shares add up to one.
 kernel void smooth_edges(global const double* in, global double* out, int rows, int elements, global const double* theta,
-                         global const int* segment_first, global const int* segment_end, global const double* spacing,
-                         global const edge_t* edges, int edges_per_column) {
+                         global const int* stretch_first, global const int* stretch_end, global const edge_t* edges,
+                         int edges_per_column, global const double* weights) {
   const size_t column = get_global_id(0);
   global const double* from = in + column * rows * elements;
   global double* to = out + column * rows * elements;
   global const edge_t* edge = edges + column * edges_per_column;
-  for (int row = 0; row < rows; ++row) {
-    double total = 0.0, taken[16];
-    for (int e = 0; e < elements; ++e) taken[e] = 0.0;
-    for (int w = 0; w < edges_per_column; ++w) {
-      const double sigma = edge[w].sigma;
-      if (!(sigma > 0.0)) continue;
-      const double distance = fabs(theta[row] - edge[w].theta) / sigma;
-      if (distance >= 5.0) continue;
-      const double f = clamp((5.0 - distance) * 0.5, 0.0, 1.0), blend = f * f * (3.0 - 2.0 * f);
-      const double step = spacing[row] / sigma;
-      const int reach = (int)(4.0 / step);
-      const int first = max(segment_first[row], row - reach), end = min(segment_end[row], row + reach + 1);
-      double norm = 0.0, sum[16];
-      for (int e = 0; e < elements; ++e) sum[e] = 0.0;
-      for (int r = first; r < end; ++r) {
-        const double x = (r - row) * step, g = exp(-0.5 * x * x);
-        norm += g;
-        for (int e = 0; e < elements; ++e) sum[e] += g * from[(size_t)r * elements + e];
+  for (int row = 0; row < rows;) {
+    const int first = stretch_first[row], end = stretch_end[row];
+    if (elements == 1 && row + 8 <= end) {
+      const double8 at = vload8(0, theta + row), plain = vload8(0, from + row);
+      double8 total = 0.0, taken = 0.0;
+      for (int w = 0; w < edges_per_column; ++w) {
+        if (!(edge[w].sigma > 0.0)) continue;
+        const double8 share = window8(fabs(at - edge[w].theta) / edge[w].sigma);
+        if (!any(share > 0.0)) continue;
+        total += share;
+        taken += share * smooth_rows(from, row, first, end, weights + edge[w].weights, edge[w].reach);
       }
-      total += blend;
-      for (int e = 0; e < elements; ++e) taken[e] += blend * sum[e] / norm;
+      vstore8(fmax(1.0 - total, 0.0) * plain + taken / fmax(total, 1.0), 0, to + row);
+      row += 8;
+      continue;
     }
-    // Where windows overlap, their shares add up to one.
-    const double keep = total < 1.0 ? 1.0 - total : 0.0, share = total > 1.0 ? 1.0 / total : 1.0;
-    for (int e = 0; e < elements; ++e)
-      to[(size_t)row * elements + e] = keep * from[(size_t)row * elements + e] + share * taken[e];
+    double total = 0.0, taken = 0.0;
+    double16 taken_matrix = 0.0;
+    for (int w = 0; w < edges_per_column; ++w) {
+      const double share = edge[w].sigma > 0.0 ? window(fabs(theta[row] - edge[w].theta) / edge[w].sigma) : 0.0;
+      if (share == 0.0) continue;
+      total += share;
+      if (elements == 1) taken += share * smooth_row(from, row, first, end, weights + edge[w].weights, edge[w].reach);
+      else taken_matrix += share * smooth_matrix(from, row, first, end, weights + edge[w].weights, edge[w].reach);
+    }
+    const double keep = fmax(1.0 - total, 0.0), scale = 1.0 / fmax(total, 1.0);
+    if (elements == 1) to[row] = keep * from[row] + scale * taken;
+    else vstore16(keep * vload16(row, from) + scale * taken_matrix, row, to);
+    ++row;
   }
 }
 
-// Average over a disc of this radius, across the scattering angle only: chords of a uniform disc as weights.
-kernel void average_disc(global const double* in, global double* out, int rows, int elements, double radius,
-                         global const int* segment_first, global const int* segment_end, global const double* spacing) {
+// The same kernel for every row: the average over the sun's disc, across the scattering angle only.
+kernel void average_disc(global const double* in, global double* out, int rows, int elements,
+                         global const int* stretch_first, global const int* stretch_end, global const double* weights,
+                         int reach) {
   const size_t column = get_global_id(0);
   global const double* from = in + column * rows * elements;
   global double* to = out + column * rows * elements;
-  for (int row = 0; row < rows; ++row) {
-    const double step = spacing[row] / radius;
-    const int reach = (int)(1.0 / step);
-    const int first = max(segment_first[row], row - reach), end = min(segment_end[row], row + reach + 1);
-    double norm = 0.0, sum[16];
-    for (int e = 0; e < elements; ++e) sum[e] = 0.0;
-    for (int r = first; r < end; ++r) {
-      const double x = (r - row) * step, chord = sqrt(fmax(1.0 - x * x, 0.0));
-      norm += chord;
-      for (int e = 0; e < elements; ++e) sum[e] += chord * from[(size_t)r * elements + e];
+  for (int row = 0; row < rows;) {
+    const int first = stretch_first[row], end = stretch_end[row];
+    if (elements == 1 && row + 8 <= end) {
+      vstore8(smooth_rows(from, row, first, end, weights, reach), 0, to + row);
+      row += 8;
+      continue;
     }
-    for (int e = 0; e < elements; ++e) to[(size_t)row * elements + e] = sum[e] / norm;
+    if (elements == 1) to[row] = smooth_row(from, row, first, end, weights, reach);
+    else vstore16(smooth_matrix(from, row, first, end, weights, reach), row, to);
+    ++row;
   }
 }
 
