@@ -179,9 +179,7 @@ TEST(MirrorSymmetry, LeavesNoCrossedPolarisationInTheSymmetryPlane) {
       cross.see(std::max(std::abs(field.amplitude[i].S3), std::abs(field.amplitude[i].S4)) / scale, [&] {
         return std::to_string(wanted.theta_deg[i / 2]);
       });
-    // Rays come in mirrored pairs, whose crossed amplitudes cancel; what is left is the interpolation in
-    // cells that lie across the plane, whose diagonal has no mirror image.
-    expect_below(cross, 40.0 / rays / rays, std::to_string(rays) + " rays, S3, S4");
+    expect_below(cross, 1e-15, std::to_string(rays) + " rays, S3, S4");
   }
 }
 
@@ -278,6 +276,10 @@ struct EnergyCase {
   std::array<std::vector<Band>, 4> bands; ///< by order
 };
 const std::vector<EnergyCase> energy_cases{
+    // One azimuth does for a sphere; but there a bow's whole edge is one cell thinner than any table's step.
+    {"sphere",
+     drop::sphere(0.5e-3),
+     {{{{0, 10, 5e-4, 180}, {10, 180, 0.005, 180}}, {{0, 180, 0.005, 180}}, {}, {}}}},
     {"beard_chuang_0_5mm",
      drop::beard_chuang(0.5e-3),
      {{{{0, 16, 0.025, 0.125}, {16, 180, 0.05, 0.5}},
@@ -323,6 +325,7 @@ protected:
 
 TEST_P(EnergyOfAnOrder, IsTheSolidAngleIntegralOfItsIntensity) {
   for (int order = 0; order <= 3; ++order) {
+    if (energy_cases[GetParam()].bands[order].empty()) continue;
     const double coarse = misfit(order, 125), fine = misfit(order, 500);
     // Interpolated amplitudes fall short of the rays' own where they turn quickly from ray to ray: at the
     // rim, which matters to orders 0 and 3. Sampling adds up to 5e-4.
@@ -338,29 +341,34 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& one) { return energy_cases[one.param].name; });
 
 TEST(OrderEnergy, OfASphereIsTheIntegralOfFresnelsProducts) {
-  // Over b^2, from the closed form; Simpson in the angle of incidence.
+  // From the closed form, Simpson in the angle of incidence, out to the last ray whose patch is complete.
   constexpr int steps = 2000;
   constexpr double n = 1.331;
-  double expected[6] = {};
-  for (int k = 0; k <= steps; ++k) {
-    const double i = pi / 2 * k / steps, weight = (k == 0 || k == steps ? 1
-                                                   : k % 2              ? 4
-                                                                        : 2) *
-                                                  pi / 2 / steps / 3;
-    const double c = std::cos(i), d = std::sqrt(1 - std::sin(i) * std::sin(i) / n / n);
-    for (const double r : {(c - n * d) / (c + n * d), (n * c - d) / (n * c + d)})
-      for (int p = 0; p < 6; ++p)
-        expected[p] += weight * std::sin(2 * i) / 2 *
-                       (p == 0 ? r * r : (1 - r * r) * (1 - r * r) * std::pow(r * r, p - 1));
+  for (const int rays : {100, 20000}) {
+    const double rim = std::asin(1 - 1.0 / rays);
+    double expected[6] = {};
+    for (int k = 0; k <= steps; ++k) {
+      const double i = rim * k / steps, weight = (k == 0 || k == steps ? 1 : k % 2 ? 4 : 2) * rim / steps / 3;
+      const double c = std::cos(i), d = std::sqrt(1 - std::sin(i) * std::sin(i) / n / n);
+      for (const double r : {(c - n * d) / (c + n * d), (n * c - d) / (n * c + d)})
+        for (int p = 0; p < 6; ++p)
+          expected[p] += weight * std::sin(2 * i) / 2 *
+                         (p == 0 ? r * r : (1 - r * r) * (1 - r * r) * std::pow(r * r, p - 1));
+    }
+    Wanted wanted;
+    wanted.theta_deg = {90};
+    wanted.phi_deg = {0};
+    const FarField field =
+        far_field(tracing_of(drop::sphere(0.5e-3), 0, rays, {0, 1, 2, 3, 4, 5}), with_index(n), wanted);
+    double sum = 0;
+    for (int p = 0; p < 6; ++p) {
+      EXPECT_NEAR(field.order_energy.at(p), expected[p], 1e-6) << "order " << p << ", " << rays << " rays";
+      sum += field.order_energy.at(p);
+    }
+    EXPECT_NEAR(sum, 1, rays == 100 ? 0.03 : 1e-3) << "what is left: the rim and orders beyond 5";
+    EXPECT_NEAR(field.extinction_cross_section, 2 * pi * 0.25e-6, 1e-15);
+    EXPECT_NEAR(field.scattering_cross_section / field.extinction_cross_section, 1, 1e-9);
   }
-  Wanted wanted;
-  wanted.theta_deg = {90};
-  wanted.phi_deg = {0};
-  const FarField field =
-      far_field(tracing_of(drop::sphere(0.5e-3), 0, 100, {0, 1, 2, 3, 4, 5}), with_index(n), wanted);
-  for (int p = 0; p < 6; ++p) EXPECT_NEAR(field.order_energy.at(p), expected[p], 1e-6) << "order " << p;
-  EXPECT_NEAR(field.extinction_cross_section, 2 * pi * 0.25e-6, 1e-15);
-  EXPECT_NEAR(field.scattering_cross_section / field.extinction_cross_section, 1, 1e-9);
 }
 
 TEST(CrossSections, OfAnAbsorbingSphereLoseWhatItsChordsAbsorb) {
@@ -464,9 +472,9 @@ TEST(PhaseMatrix, OfASphereHasTheBlocksOfBohrenAndHuffman) {
       equal.see(std::abs(m[10] - m[15]) / m[0], where);
       equal.see(std::abs(m[11] + m[14]) / m[0], where);
     }
-    // The interpolation across the symmetry plane leaves a crossed amplitude; the pairs have its square.
-    expect_below(zero, 2e-3, interference ? "zeros" : "zeros without interference");
-    expect_below(equal, 4e-6, interference ? "pairs" : "pairs without interference");
+    expect_below(zero, 1e-15, interference ? "zeros" : "zeros without interference");
+    // Patch by patch the crossed amplitude of cells across the symmetry plane keeps its intensity.
+    expect_below(equal, interference ? 1e-13 : 1e-6, interference ? "pairs" : "pairs without interference");
   }
 }
 
