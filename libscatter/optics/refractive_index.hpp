@@ -26,14 +26,15 @@ struct IndexSource {
 /// Name of the source as the command line takes it; a given index is printed with all its digits.
 [[nodiscard]] std::string index_source_name(const IndexSource& source);
 
-/// Index m = n + ik at a wavelength in vacuum [m]. Throws InputError outside the source's range of wavelengths
-/// (the message names the range).
+/// Index m = n + ik at a wavelength in vacuum [m]. Throws InputError outside the source's range of
+/// wavelengths (the message names the range).
 [[nodiscard]] std::complex<double> refractive_index(const IndexSource& source, double wavelength_m);
 
 /// Table 3.2 of the dissertation (Hale & Querry 1973), 380..700 nm.
 [[nodiscard]] double hale_querry_index(double wavelength_m);
 
-/// IAPWS R9-97 formulation. Temperature [K] 261.15..773.15, density [kg/m3] 0..1060, wavelength [m] 200..1100 nm.
+/// IAPWS R9-97 formulation. Temperature [K] 261.15..773.15, density [kg/m3] 0..1060, wavelength [m] 200..1100
+/// nm.
 [[nodiscard]] double iapws_index(double wavelength_m, double temperature_K, double density_kg_m3);
 
 /// Daimon & Masumura 2007, distilled water at 20 C, 182..1129 nm.

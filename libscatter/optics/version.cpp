@@ -2,6 +2,8 @@
 
 namespace scatter {
 
-const char* version() { return SCATTER_VERSION; }
+const char* version() {
+  return SCATTER_VERSION;
+}
 
 } // namespace scatter

@@ -500,7 +500,7 @@ struct Tracer::Implementation {
 
   /// Bow curves of the orders 0..last, all from one tracing.
   std::vector<Curve> bow_curves(const Light& light, int last) {
-    constexpr int azimuth_step_deg = 2, samples = 512;
+    constexpr int azimuth_step_deg = 2, samples = 1024;
     const int azimuths = axisymmetric ? 1 : 180 / azimuth_step_deg + 1;
     std::vector<double> u, v;
     for (int a = 0; a < azimuths; ++a)

@@ -369,7 +369,11 @@ FORCE_INLINE void bounce(
 
   const vector3 normal = surface_normal(surface, p);
   const real inside = clamp(dot3(d, normal), 0.0, 1.0);
-  const real sine2 = fma(-inside, inside, 1.0) * (n * n);
+  // From the cross product, cleared of what d and the normal lack of unit length: near the rim of the drop the cosine
+  // outside is the root of a small difference, and divides every rounding by itself.
+  const vector3 sine_inside = cross3(d, normal);
+  const real cross2 = dot3(sine_inside, sine_inside);
+  const real sine2 = cross2 * fma(-inside, inside, 2.0 - cross2) * (n * n);
   // Turn the Jones matrix into the new plane of incidence.
   const vector3 s = across_plane(d, normal);
   const vector3 old_p = cross3(ray->s, d);
