@@ -51,17 +51,28 @@ std::uint64_t read_number(const char* path, std::uint64_t otherwise) {
 } // namespace
 
 Device::Device(int threads) {
+  // Contexts live as long as the process. PoCL 3.1 releases the last event of a queue on its own thread,
+  // sometimes after clFinish has returned, and crashes when the event's context is gone by then. Besides, a
+  // second job with as many threads finds its kernels built.
+  static std::mutex making;
+  static auto& kept = *new std::map<unsigned, std::shared_ptr<OpenCL>>();
   opencl_ = guarded([&] {
+    const std::lock_guard lock(making);
+    cl::Device device = find_device();
+    const unsigned all = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
+    const unsigned units = threads > 0 ? std::min(static_cast<unsigned>(threads), all) : all;
+    std::shared_ptr<OpenCL>& entry = kept[units];
+    if (entry) return entry;
     auto made = std::make_shared<OpenCL>();
-    made->device = find_device();
-    const unsigned units = made->device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
-    if (threads > 0 && static_cast<unsigned>(threads) < units) {
+    if (units < all) {
       const cl_device_partition_property parts[] = {
-          CL_DEVICE_PARTITION_BY_COUNTS, threads, CL_DEVICE_PARTITION_BY_COUNTS_LIST_END, 0};
+          CL_DEVICE_PARTITION_BY_COUNTS, static_cast<cl_device_partition_property>(units),
+          CL_DEVICE_PARTITION_BY_COUNTS_LIST_END, 0};
       std::vector<cl::Device> devices;
-      made->device.createSubDevices(parts, &devices);
-      made->device = devices.at(0);
+      device.createSubDevices(parts, &devices);
+      device = devices.at(0);
     }
+    made->device = device;
     made->context = cl::Context(made->device);
     made->queue = cl::CommandQueue(made->context, made->device);
     made->info.name = made->device.getInfo<CL_DEVICE_NAME>();
@@ -69,7 +80,7 @@ Device::Device(int threads) {
     made->info.compute_units = made->device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
     made->info.memory_bytes = made->device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
     made->info.allocation_bytes = made->device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
-    return made;
+    return entry = made;
   });
 }
 
@@ -81,6 +92,7 @@ cl::Program& OpenCL::program(std::span<const std::string_view> sources, const st
   std::string text;
   for (const std::string_view source : sources) text.append(source).append("\n");
   const std::string key = options + "\n" + text;
+  const std::lock_guard lock(growing);
   const auto known = programs.find(key);
   if (known != programs.end()) return known->second;
   cl::Program made(context, text);
@@ -93,6 +105,12 @@ cl::Program& OpenCL::program(std::span<const std::string_view> sources, const st
     throw DeviceError("the OpenCL compiler refused a kernel: " + log.substr(0, log.find('\n')));
   }
   return programs.emplace(key, made).first->second;
+}
+
+cl::CommandQueue& OpenCL::lane(std::size_t index) {
+  const std::lock_guard lock(growing);
+  while (lanes.size() <= index) lanes.emplace_back(context, device);
+  return lanes[index];
 }
 
 std::uint64_t available_memory() {

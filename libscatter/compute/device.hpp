@@ -24,7 +24,8 @@ struct DeviceInfo {
 
 struct OpenCL; // compute/opencl.hpp, for the library's own sources
 
-/// A device with a context. Cheap to copy: copies share it.
+/// A device with a context. Cheap to copy: copies share it, and so do all devices of as many threads; the
+/// context is kept to the end of the process.
 class Device {
 public:
   /// The first device with double precision, limited to `threads` compute units (0: all).

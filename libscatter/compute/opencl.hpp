@@ -10,24 +10,33 @@
 #include <CL/opencl.hpp>
 #pragma GCC diagnostic pop
 
+#include <deque>
 #include <map>
+#include <mutex>
 #include <span>
 #include <string_view>
 #include <type_traits>
 
 namespace scatter::compute {
 
-/// What a Device holds. Not installed: users of the library need no OpenCL headers.
+/// What a Device holds. Not installed: users of the library need no OpenCL headers. program() and lane() may
+/// be called from several threads at once.
 struct OpenCL {
   cl::Device device;
   cl::Context context;
   cl::CommandQueue queue;
   DeviceInfo info;
+  std::mutex growing;                          ///< guards the two below
   std::map<std::string, cl::Program> programs; ///< by options and source
+  std::deque<cl::CommandQueue> lanes;
 
   /// Builds the concatenated sources, or takes them from the cache. Throws DeviceError with the first line of
   /// the compiler's log.
   cl::Program& program(std::span<const std::string_view> sources, const std::string& options);
+
+  /// A queue of its own for work that runs beside other work: lane 0, 1, .. are made when first asked for and
+  /// kept.
+  cl::CommandQueue& lane(std::size_t index);
 
   /// A read-only copy of host data. An empty span gives one byte, so that it can be passed to a kernel.
   template <typename T>

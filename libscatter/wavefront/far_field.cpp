@@ -218,7 +218,6 @@ struct Tracer::Implementation {
       const std::vector<int>& order_wanted, std::vector<Pass>& passes) {
     const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.end - block.first;
     const cl::Buffer wanted = cl().upload(order_wanted);
-    std::vector<cl::CommandQueue> queues;
     for (std::size_t w = 0; w < lights.size(); ++w) {
       Pass& pass = passes[w];
       pass.job = make_job(lights[w], tracing.rays, last_order());
@@ -252,21 +251,28 @@ struct Tracer::Implementation {
       }
       pass.clean = false;
     }
+    const auto rastering = [&](std::size_t w, int slice, int first, int end) {
+      Pass& pass = passes[w];
+      return with_arguments(
+          cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer, first,
+          end, wanted, block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi, pass.scratch[slice],
+          pass.sums[slice], pass.energy);
+    };
+    // No tiles first: the driver compiles a kernel for its shape at the first launch, which must not happen
+    // on several queues at once.
+    for (std::size_t w = 0; w < lights.size(); ++w)
+      cl().queue.enqueueNDRangeKernel(rastering(w, 0, 0, 0), cl::NullRange, cl::NDRange(1), cl::NDRange(1));
     cl().queue.finish();
+    std::size_t lanes = 0;
     for (std::size_t w = 0; w < lights.size(); ++w)
       for (int s = 0; s < c.slices; ++s) {
-        Pass& pass = passes[w];
         const auto share = [&](int slice) { return static_cast<int>(tiles.size() * slice / c.slices); };
-        queues.emplace_back(cl().context, cl().device);
-        queues.back().enqueueNDRangeKernel(
-            with_arguments(
-                cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer,
-                share(s), share(s + 1), wanted, block.sin_theta, block.cos_theta, block.cos_phi,
-                block.sin_phi, pass.scratch[s], pass.sums[s], pass.energy),
-            cl::NullRange, cl::NDRange(1), cl::NDRange(1));
-        queues.back().flush();
+        cl::CommandQueue& lane = cl().lane(lanes++);
+        lane.enqueueNDRangeKernel(
+            rastering(w, s, share(s), share(s + 1)), cl::NullRange, cl::NDRange(1), cl::NDRange(1));
+        lane.flush();
       }
-    for (cl::CommandQueue& queue : queues) queue.finish();
+    for (std::size_t lane = 0; lane < lanes; ++lane) cl().lane(lane).finish();
     for (std::size_t w = 0; w < lights.size(); ++w)
       for (int s = 1; s < c.slices; ++s)
         cl().queue.enqueueNDRangeKernel(
