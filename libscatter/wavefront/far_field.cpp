@@ -6,10 +6,13 @@
 #include <scatter/wavefront/layout.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 
+#include <embedded/kernel_double_double.hpp>
 #include <embedded/kernel_far_field.hpp>
 #include <embedded/kernel_mueller.hpp>
+#include <embedded/kernel_surface.hpp>
 #include <embedded/kernel_tile.hpp>
 #include <embedded/kernel_trace.hpp>
+#include <embedded/kernel_vector.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -25,7 +28,7 @@ using compute::with_arguments;
 
 constexpr int ray_lanes = 16;
 constexpr int tile_padded = ((tile_cells + 1) * (tile_cells + 1) + ray_lanes - 1) / ray_lanes * ray_lanes;
-constexpr std::size_t scratch_doubles = (21 + 7 + 8) * static_cast<std::size_t>(tile_padded);
+constexpr std::size_t scratch_doubles = (27 + 7 + 8) * static_cast<std::size_t>(tile_padded);
 constexpr int traced_fields = 14;
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
 constexpr double most_bytes_of_slices = 2e9, small_slices = 1e8;
@@ -104,7 +107,8 @@ struct Tracer::Implementation {
     std::string options = build_options;
     if (light.index.imag() > 0) options += " -DABSORBING";
     if (!tracing.interference) options += " -DINTENSITIES";
-    const std::string_view sources[] = {kernel_trace, kernel_mueller, kernel_tile, kernel_far_field};
+    const std::string_view sources[] = {kernel_vector,  kernel_double_double, kernel_surface,  kernel_trace,
+                                        kernel_mueller, kernel_tile,          kernel_far_field};
     return cl().program(sources, options);
   }
 

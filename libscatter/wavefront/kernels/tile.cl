@@ -10,7 +10,7 @@
 #define TILE_PADDED ((TILE_RAYS * TILE_RAYS + RAY_LANES - 1) / RAY_LANES * RAY_LANES)
 
 // Scratch of one work-item, in doubles: the rays inside the drop, then what left it at this order.
-#define STATE_FIELDS 21
+#define STATE_FIELDS 27
 #define EXIT_FIELDS 7
 #define SCRATCH_EXIT (STATE_FIELDS * TILE_PADDED)
 #define SCRATCH_JONES (SCRATCH_EXIT + EXIT_FIELDS * TILE_PADDED)
@@ -24,7 +24,7 @@ typedef struct {
   int cells_i, cells_j;
   int flags;
 } tile_t;
-#define TILE_RIM 1    // near the rim: Newton's iteration needs more steps
+#define TILE_RIM 1    // near the rim: Newton's iteration needs more steps, and rays may graze
 #define TILE_DIRECT 2 // its mirror image is traced too (or is itself): no reflection in the symmetry plane
 
 typedef struct {
@@ -69,7 +69,8 @@ FORCE_INLINE void quick_direction(vector3 d, real* theta, real* phi) {
   *phi = quick_angle(y, d.x, fmin(x, y) * inverse * theta_big);
 }
 
-FORCE_INLINE void load_state(global const double* scratch, int at, ray_state* ray) {
+// Rays graze in rim tiles only; elsewhere the rests are 0 and not kept.
+FORCE_INLINE void load_state(global const double* scratch, int at, int rim, ray_state* ray) {
   global const double* field = scratch + at;
 #define NEXT_FIELD(target) target = load_real(field); field += TILE_PADDED;
   NEXT_FIELD(ray->p.x) NEXT_FIELD(ray->p.y) NEXT_FIELD(ray->p.z)
@@ -78,10 +79,16 @@ FORCE_INLINE void load_state(global const double* scratch, int at, ray_state* ra
   NEXT_FIELD(ray->px.re) NEXT_FIELD(ray->px.im) NEXT_FIELD(ray->py.re) NEXT_FIELD(ray->py.im)
   NEXT_FIELD(ray->sx.re) NEXT_FIELD(ray->sx.im) NEXT_FIELD(ray->sy.re) NEXT_FIELD(ray->sy.im)
   NEXT_FIELD(ray->path) NEXT_FIELD(ray->side) NEXT_FIELD(ray->axis_crossings) NEXT_FIELD(ray->alive)
+  const vector3 zero = {(real)(0.0), (real)(0.0), (real)(0.0)};
+  ray->p_rest = ray->d_rest = zero;
+  if (rim) {
+    NEXT_FIELD(ray->p_rest.x) NEXT_FIELD(ray->p_rest.y) NEXT_FIELD(ray->p_rest.z)
+    NEXT_FIELD(ray->d_rest.x) NEXT_FIELD(ray->d_rest.y) NEXT_FIELD(ray->d_rest.z)
+  }
 #undef NEXT_FIELD
 }
 
-FORCE_INLINE void store_state(global double* scratch, int at, const ray_state* ray) {
+FORCE_INLINE void store_state(global double* scratch, int at, int rim, const ray_state* ray) {
   global double* field = scratch + at;
 #define NEXT_FIELD(source) store_real(source, field); field += TILE_PADDED;
   NEXT_FIELD(ray->p.x) NEXT_FIELD(ray->p.y) NEXT_FIELD(ray->p.z)
@@ -90,6 +97,10 @@ FORCE_INLINE void store_state(global double* scratch, int at, const ray_state* r
   NEXT_FIELD(ray->px.re) NEXT_FIELD(ray->px.im) NEXT_FIELD(ray->py.re) NEXT_FIELD(ray->py.im)
   NEXT_FIELD(ray->sx.re) NEXT_FIELD(ray->sx.im) NEXT_FIELD(ray->sy.re) NEXT_FIELD(ray->sy.im)
   NEXT_FIELD(ray->path) NEXT_FIELD(ray->side) NEXT_FIELD(ray->axis_crossings) NEXT_FIELD(ray->alive)
+  if (rim) {
+    NEXT_FIELD(ray->p_rest.x) NEXT_FIELD(ray->p_rest.y) NEXT_FIELD(ray->p_rest.z)
+    NEXT_FIELD(ray->d_rest.x) NEXT_FIELD(ray->d_rest.y) NEXT_FIELD(ray->d_rest.z)
+  }
 #undef NEXT_FIELD
 }
 
@@ -116,7 +127,7 @@ FORCE_INLINE void store_jones(global double* out, double8 f0, double8 f1, double
 
 // Traces order p of every ray of the tile into the scratch.
 void trace_tile(constant const double* surface, constant const job_t* job, tile_t tile, int p, global double* scratch) {
-  const int steps = tile.flags & TILE_RIM ? job->rim_steps : job->interior_steps;
+  const int rim = tile.flags & TILE_RIM, steps = rim ? job->rim_steps : job->interior_steps;
   const real lane = (real)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   for (int at = 0; at < TILE_PADDED; at += RAY_LANES) {
     const real index = (double)at + lane;
@@ -131,11 +142,11 @@ void trace_tile(constant const double* surface, constant const job_t* job, tile_
       out.valid = select(out.valid, (real)(0.0), outside);
       ray.alive = out.valid;
     } else {
-      load_state(scratch, at, &ray);
+      load_state(scratch, at, rim, &ray);
       const vector3 impact = {u, v, (real)(0.0)};
       bounce(surface, job->n, job->k, job->attenuation, impact, job->interior_steps, &ray, &out);
     }
-    if (p < job->last_order) store_state(scratch, at, &ray);
+    if (p < job->last_order) store_state(scratch, at, rim, &ray);
 
     global double* field = scratch + SCRATCH_EXIT + at;
     const mask lost = out.valid < 0.5;

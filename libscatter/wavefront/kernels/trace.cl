@@ -1,116 +1,16 @@
-// Rays with phasors through one drop, RAY_LANES at a time.
+// Rays with phasors through one drop, RAY_LANES at a time. Needs surface.cl.
 //
 // Frame: z along the sunlight, x towards the side of the drop that points most downward, y completes it; lengths in
 // units of a, the radius of the equal-volume sphere. Time factor exp(-i omega t).
 //
-// The build defines SURFACE_DEGREE (cosine series as a polynomial) or SURFACE_SPHEROID, and ABSORBING for complex m.
+// The build defines ABSORBING for complex m.
 
-#pragma OPENCL EXTENSION cl_khr_fp64 : enable
-
-// Everything is one loop body to the compiler: calls would pass vectors through memory.
-#define FORCE_INLINE static inline __attribute__((always_inline))
-
-#define RAY_LANES 16
-typedef double16 real;
-typedef long16 mask;
-#define load_real(array) vload16(0, array)
-#define store_real(value, array) vstore16(value, 0, array)
-
-typedef struct {
-  real x, y, z;
-} vector3;
+// Rays below this cosine are traced with twice the digits.
+#define GRAZING 0.05
 
 typedef struct {
   real re, im;
 } complex_real;
-
-// Layout of the surface's parameters; kept in step with surface_parameters() in ray_grid.cpp.
-#define SURFACE_AXIS 0       // 3: unit vector straight down
-#define SURFACE_HULL 3       // 3: 1/A^2 and 1/B^2 of an ellipsoid that holds the drop, its centre along the axis
-#define SURFACE_SHAPE 6      // polynomial coefficients in cos(theta), or 1/A^2 and 1/B^2 of the spheroid
-
-FORCE_INLINE real dot3(vector3 a, vector3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-FORCE_INLINE vector3 cross3(vector3 a, vector3 b) {
-  vector3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-  return c;
-}
-FORCE_INLINE vector3 scale3(real s, vector3 a) {
-  vector3 c = {s * a.x, s * a.y, s * a.z};
-  return c;
-}
-FORCE_INLINE vector3 along3(vector3 p, real t, vector3 d) {
-  vector3 c = {p.x + t * d.x, p.y + t * d.y, p.z + t * d.z};
-  return c;
-}
-FORCE_INLINE vector3 unit3(vector3 a) { return scale3(1.0 / sqrt(dot3(a, a)), a); }
-// The same for a vector that is a unit vector but for rounding: one Newton step.
-FORCE_INLINE vector3 still_unit3(vector3 a) { return scale3(1.5 - 0.5 * dot3(a, a), a); }
-
-// Polar curve R(c) and dR/dc at c = cos(angle from straight down).
-#ifdef SURFACE_SPHEROID
-FORCE_INLINE void polar_curve(constant const double* surface, real c, real* radius, real* slope) {
-  const double across = surface[SURFACE_SHAPE], along = surface[SURFACE_SHAPE + 1];
-  const real r = 1.0 / sqrt(across + (along - across) * c * c);
-  *radius = r;
-  *slope = (across - along) * c * r * r * r;
-}
-#else
-FORCE_INLINE void polar_curve(constant const double* surface, real c, real* radius, real* slope) {
-  real r = surface[SURFACE_SHAPE + SURFACE_DEGREE], s = 0.0;
-  for (int n = SURFACE_DEGREE - 1; n >= 0; --n) {
-    s = s * c + r;
-    r = r * c + surface[SURFACE_SHAPE + n];
-  }
-  *radius = r;
-  *slope = s;
-}
-#endif
-
-FORCE_INLINE vector3 surface_axis(constant const double* surface) {
-  vector3 axis = {surface[SURFACE_AXIS], surface[SURFACE_AXIS + 1], surface[SURFACE_AXIS + 2]};
-  return axis;
-}
-
-// True when Newton's next step is the last that changes a digit: convergence is quadratic, and slower by the slope.
-// Never so for NaN, which is what a ray that misses ends as.
-FORCE_INLINE mask converged(real gap, real slope) { return fabs(gap) < 1e-8 * slope * slope + 1e-13; }
-
-// Newton's iteration for |P| = R along P = start + t d. For a convex drop the gauge |P|/R is convex along the line,
-// so from outside the steps close in without ever passing the root. misfit: |P|^2 - R^2 at the end; rise: how fast
-// |P|/R grows along the ray there (negative where it enters).
-FORCE_INLINE void meet_surface(
-    constant const double* surface, vector3 start, vector3 d, int steps, real* t, real* misfit, real* rise) {
-  const vector3 axis = surface_axis(surface);
-  const real axis_d = dot3(axis, d), axis_start = dot3(axis, start), start_d = dot3(start, d);
-  real gap = 0.0, slope_along = 0.0;
-  for (int step = 0; step < steps; ++step) {
-    const vector3 p = along3(start, *t, d);
-    const real r = sqrt(dot3(p, p)), inverse_r = 1.0 / r;
-    const real c = (axis_start + *t * axis_d) * inverse_r;
-    real radius, slope;
-    polar_curve(surface, c, &radius, &slope);
-    // r^2 - R^2 in fused steps: r - R itself would lose the digits that grazing rays, divided by a small slope, need.
-    gap = fma(p.x, p.x, fma(p.y, p.y, fma(p.z, p.z, -radius * radius)));
-    slope_along = (start_d + *t) * inverse_r * (radius + c * slope) - slope * axis_d;
-    *t -= radius * gap / ((r + radius) * slope_along);
-    if (!any(!converged(gap, slope_along))) break;
-  }
-  *misfit = gap;
-  *rise = slope_along;
-}
-
-// Outward unit normal at a point of the surface.
-FORCE_INLINE vector3 surface_normal(constant const double* surface, vector3 p) {
-  const vector3 axis = surface_axis(surface);
-  const real inverse_r = 1.0 / sqrt(dot3(p, p));
-  const vector3 radial = scale3(inverse_r, p);
-  const real c = dot3(axis, radial);
-  real radius, slope;
-  polar_curve(surface, c, &radius, &slope);
-  const real a = radius + c * slope;
-  vector3 n = {a * radial.x - slope * axis.x, a * radial.y - slope * axis.y, a * radial.z - slope * axis.z};
-  return unit3(n);
-}
 
 FORCE_INLINE complex_real times(complex_real a, complex_real b) {
   complex_real c = {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
@@ -184,10 +84,9 @@ FORCE_INLINE fresnel fresnel_entering(double n, real outside, real inside) {
   f.r_s.im = f.r_p.im = f.t_s.im = f.t_p.im = 0.0;
   return f;
 }
-// Inside -> outside. sine2: squared sine of the angle outside, above 1 in total reflection, where the cosine
-// outside is +i sqrt(sine2 - 1) (the field decays outwards).
-FORCE_INLINE fresnel fresnel_leaving(double n, real inside, real sine2, real* outside) {
-  const real cosine2 = 1.0 - sine2;
+// Inside -> outside. cosine2: squared cosine of the angle outside, below 0 in total reflection, where the cosine
+// outside is +i sqrt(-cosine2) (the field decays outwards).
+FORCE_INLINE fresnel fresnel_leaving(double n, real inside, real cosine2, real* outside) {
   const mask total = cosine2 < 0.0;
   const real q = sqrt(fabs(cosine2));
   *outside = select(q, (real)(0.0), total);
@@ -212,6 +111,7 @@ FORCE_INLINE fresnel fresnel_leaving(double n, real inside, real sine2, real* ou
 // the (p, s) components here, p = s x d.
 typedef struct {
   vector3 p, d, s;
+  vector3 p_rest, d_rest; // what p and d lack, for rays that graze; else 0
   complex_real px, py, sx, sy;
   real path;          // optical path from the plane z = 0 before the drop
   real side;          // > 0 while the point lies on the side of the axis where the ray came in
@@ -299,13 +199,36 @@ FORCE_INLINE void enter(
   meet_surface(surface, start, d, steps, &t, &misfit, &rise);
   const mask hit = converged(misfit, rise) & (rise < 0.0) & (discriminant >= 0.0);
   t = select((real)(-1.0), t, hit);
-  const vector3 p = {select((real)(0.0), u, hit), select((real)(0.0), v, hit), t};
+  vector3 p = {select((real)(0.0), u, hit), select((real)(0.0), v, hit), t};
   const real valid = select((real)(0.0), (real)(1.0), hit);
 
-  const vector3 normal = surface_normal(surface, p);
-  const real outside = fmax(-dot3(d, normal), 0.0);
-  const real sine2 = fma(-outside, outside, 1.0) / (n * n);
-  const real inside = sqrt(1.0 - sine2);
+  vector3 normal = surface_normal(surface, p);
+  real outside = fmax(-dot3(d, normal), 0.0);
+  real inside = sqrt(1.0 - fma(-outside, outside, 1.0) / (n * n));
+  const real bend = (outside - n * inside) / n;
+  const vector3 refracted = {d.x / n + bend * normal.x, d.y / n + bend * normal.y, d.z / n + bend * normal.z};
+  const vector3 zero = {(real)(0.0), (real)(0.0), (real)(0.0)};
+  ray->d = still_unit3(refracted);
+  ray->p_rest = ray->d_rest = zero;
+  const mask grazes = hit & (outside < GRAZING);
+  if (any(grazes)) {
+    vector3_2 point, exact_normal;
+    const vector3_2 ray_in = widen3(d, zero);
+    const vector3 foot = {p.x, p.y, (real)(0.0)};
+    meet_surface2(surface, widen3(foot, zero), ray_in, t, rise, &point, &exact_normal);
+    const real2 one = widen((real)(1.0)), index = widen((real)(n)), cosine_out = negative2(exact_normal.z);
+    const real2 sine2 = divide2(subtract2(one, multiply2(cosine_out, cosine_out)), multiply2(index, index));
+    const real2 cosine_in = root2(subtract2(one, sine2));
+    const real2 bend2 = subtract2(divide2(cosine_out, index), cosine_in);
+    const vector3_2 inward = along3_2(scale3_2(divide2(one, index), ray_in), bend2, exact_normal);
+    p = select3(p, high3(point), grazes);
+    ray->p_rest = select3(zero, low3(point), grazes);
+    ray->d = select3(ray->d, high3(inward), grazes);
+    ray->d_rest = select3(zero, low3(inward), grazes);
+    normal = select3(normal, high3(exact_normal), grazes);
+    outside = select(outside, cosine_out.hi, grazes);
+    inside = select(inside, cosine_in.hi, grazes);
+  }
   const vector3 s = across_plane(d, normal);
   const vector3 in_p = cross3(s, d);
 #ifdef ABSORBING
@@ -326,9 +249,6 @@ FORCE_INLINE void enter(
   leave(p, reflected, s, px, py, sx, sy, p.z, (real)(0.0), side, valid, impact, out);
   // Refracted.
   ray->p = p;
-  const real bend = (outside - n * inside) / n;
-  vector3 refracted = {d.x / n + bend * normal.x, d.y / n + bend * normal.y, d.z / n + bend * normal.z};
-  ray->d = still_unit3(refracted);
   ray->s = s;
   ray->px.re = f.t_p.re * in_p.x;
   ray->px.im = f.t_p.im * in_p.x;
@@ -367,13 +287,30 @@ FORCE_INLINE void bounce(
   p.y = select((real)(0.0), p.y, hit);
   p.z = select((real)(1.0), p.z, hit);
 
-  const vector3 normal = surface_normal(surface, p);
-  const real inside = clamp(dot3(d, normal), 0.0, 1.0);
-  // From the cross product, cleared of what d and the normal lack of unit length: near the rim of the drop the cosine
-  // outside is the root of a small difference, and divides every rounding by itself.
+  vector3 normal = surface_normal(surface, p);
+  real inside = clamp(dot3(d, normal), 0.0, 1.0);
   const vector3 sine_inside = cross3(d, normal);
-  const real cross2 = dot3(sine_inside, sine_inside);
-  const real sine2 = cross2 * fma(-inside, inside, 2.0 - cross2) * (n * n);
+  real cosine2 = 1.0 - dot3(sine_inside, sine_inside) * (n * n);
+  vector3 onwards = still_unit3(along3(d, -2.0 * inside, normal));
+  const vector3 zero = {(real)(0.0), (real)(0.0), (real)(0.0)};
+  vector3 p_rest = zero, onwards_rest = zero;
+  const mask grazes = hit & (fabs(cosine2) < GRAZING * GRAZING);
+  if (any(grazes)) {
+    vector3_2 point, exact_normal;
+    const vector3_2 chord = widen3(d, ray->d_rest);
+    meet_surface2(surface, widen3(ray->p, ray->p_rest), chord, t, rise, &point, &exact_normal);
+    const real2 one = widen((real)(1.0)), index = widen((real)(n)), cosine_in = dot3_2(chord, exact_normal);
+    const real2 sine2 = multiply2(subtract2(one, multiply2(cosine_in, cosine_in)), multiply2(index, index));
+    const real2 twice = {-2.0 * cosine_in.hi, -2.0 * cosine_in.lo};
+    const vector3_2 reflected = along3_2(chord, twice, exact_normal);
+    p = select3(p, high3(point), grazes);
+    p_rest = select3(zero, low3(point), grazes);
+    onwards = select3(onwards, high3(reflected), grazes);
+    onwards_rest = select3(zero, low3(reflected), grazes);
+    normal = select3(normal, high3(exact_normal), grazes);
+    inside = select(inside, cosine_in.hi, grazes);
+    cosine2 = select(cosine2, subtract2(one, sine2).hi, grazes);
+  }
   // Turn the Jones matrix into the new plane of incidence.
   const vector3 s = across_plane(d, normal);
   const vector3 old_p = cross3(ray->s, d);
@@ -391,7 +328,7 @@ FORCE_INLINE void bounce(
   sy.re *= decay; sy.im *= decay;
   // The tangential wave number is real, as it was outside: the wave in the absorber has a complex cosine, the one
   // outside a real one, or +i times what it decays by.
-  const real cosine2 = 1.0 - sine2, evanescent = sqrt(fmax(-cosine2, 0.0));
+  const real sine2 = 1.0 - cosine2, evanescent = sqrt(fmax(-cosine2, 0.0));
   const real outside = sqrt(fmax(cosine2, 0.0));
   const double m2_re = n * n - k * k, m2_im = 2.0 * n * k, m4 = m2_re * m2_re + m2_im * m2_im;
   const complex_real in_cos2 = {1.0 - sine2 * (m2_re / m4), sine2 * (m2_im / m4)};
@@ -399,7 +336,7 @@ FORCE_INLINE void bounce(
   const fresnel f = fresnel_coefficients(n, k, out_cos, in_cos, 1, outside / (n * fmax(inside, 1e-300)));
 #else
   real outside;
-  const fresnel f = fresnel_leaving(n, inside, sine2, &outside);
+  const fresnel f = fresnel_leaving(n, inside, cosine2, &outside);
 #endif
   const real side = impact.x * p.x + impact.y * p.y;
   const real crossings = ray->axis_crossings + select((real)(0.0), (real)(1.0), side * ray->side < 0.0);
@@ -407,12 +344,14 @@ FORCE_INLINE void bounce(
   const real bend = outside - n * inside;
   vector3 refracted = {n * d.x + bend * normal.x, n * d.y + bend * normal.y, n * d.z + bend * normal.z};
   refracted = still_unit3(refracted);
-  const real valid = alive * select((real)(0.0), (real)(1.0), sine2 < 1.0);
+  const real valid = alive * select((real)(0.0), (real)(1.0), cosine2 > 0.0);
   leave(p, refracted, s, times(f.t_p, px), times(f.t_p, py), times(f.t_s, sx), times(f.t_s, sy), path, crossings,
         side, valid, impact, out);
   // Reflected, inside.
   ray->p = p;
-  ray->d = still_unit3(along3(d, -2.0 * inside, normal));
+  ray->d = onwards;
+  ray->p_rest = p_rest;
+  ray->d_rest = onwards_rest;
   ray->s = s;
   ray->px = times(f.r_p, px);
   ray->py = times(f.r_p, py);
