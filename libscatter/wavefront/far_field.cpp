@@ -28,7 +28,7 @@ using compute::with_arguments;
 
 constexpr int ray_lanes = 16;
 constexpr int tile_padded = ((tile_cells + 1) * (tile_cells + 1) + ray_lanes - 1) / ray_lanes * ray_lanes;
-constexpr std::size_t scratch_doubles = (27 + 7 + 8) * static_cast<std::size_t>(tile_padded);
+constexpr std::size_t scratch_doubles = (27 + 7 + 8 + 8) * static_cast<std::size_t>(tile_padded);
 constexpr int traced_fields = 14;
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
 constexpr double most_bytes_of_slices = 2e9, small_slices = 1e8;
@@ -375,7 +375,7 @@ struct Tracer::Implementation {
     const int orders = last_order() + 1;
     std::vector<double> by_order(orders, 0.0);
     if (axisymmetric) {
-      by_order = energy_by_quadrature(light, last_order(), covered_radius());
+      by_order = energy_of_rings(light, last_order());
     } else {
       std::vector<double> energy(tiles.size() * orders);
       cl().download(pass.energy, std::span<double>(energy));
@@ -409,12 +409,35 @@ struct Tracer::Implementation {
     return by_order;
   }
   [[nodiscard]] double shadow_radius() const { return std::sqrt(area / pi); }
-  /// How far complete patches reach from the axis of an axisymmetric drop.
-  [[nodiscard]] double covered_radius() const {
-    const double step = 2 * surface.largest_radius / tracing.rays, radius = shadow_radius();
-    const double aside = tracing.rays % 2 == 0 ? step / 2 : step,
-                 first = tracing.rays % 2 == 0 ? step / 2 : 0;
-    return first + step * std::floor((std::sqrt(radius * radius - aside * aside) - first) / step);
+  /// The same for the grid's own rays: every complete cell on the centre line stands for its ring.
+  std::vector<double> energy_of_rings(const Light& light, int last) {
+    const double step = 2 * surface.largest_radius / tracing.rays;
+    const double first = tracing.rays % 2 == 0 ? 0.5 * step : 0;
+    // Corners of the cells at or above the line, inner before outer, one side before the other.
+    const double sides[] = {first, tracing.rays % 2 == 0 ? first : step};
+    std::vector<double> u, v, by_order(last + 1, 0.0);
+    for (int i = 0; i < (tracing.rays + 1) / 2; ++i)
+      for (const double side : sides) {
+        u.push_back(first + i * step);
+        v.push_back(side);
+      }
+    const auto rays = trace(light, u, v, last);
+    const auto energy = [&](std::size_t ray, int p) {
+      const Amplitude& j = rays[ray][p].jones;
+      return 0.5 * (std::norm(j.S1) + std::norm(j.S2) + std::norm(j.S3) + std::norm(j.S4));
+    };
+    const auto complete = [&](std::size_t corner, int p) {
+      return rays[corner][p].valid && rays[corner + 1][p].valid;
+    };
+    for (int p = 0; p <= last; ++p) {
+      if (complete(0, p)) by_order[p] += pi * first * first * 0.5 * (energy(0, p) + energy(1, p));
+      for (std::size_t corner = 0; corner + 2 < u.size(); corner += 2)
+        if (complete(corner, p) && complete(corner + 2, p))
+          by_order[p] +=
+              pi * (u[corner + 2] - u[corner]) * (u[corner + 2] + u[corner]) * 0.25 *
+              (energy(corner, p) + energy(corner + 1, p) + energy(corner + 2, p) + energy(corner + 3, p));
+    }
+    return by_order;
   }
 
   /// Scattered share of the energy that meets the drop, all orders: 1 without absorption.

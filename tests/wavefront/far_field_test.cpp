@@ -291,7 +291,7 @@ const std::vector<EnergyCase> energy_cases{
      {{{{0, 16, 0.025, 0.125}, {16, 180, 0.05, 0.5}},
        {{0, 180, 0.05, 0.5}},
        {{120, 130, 0.05, 0.5}, {130, 160, 0.005, 0.25}, {160, 180, 0.025, 0.5}},
-       {{0, 90, 0.05, 0.5}, {90, 134, 0.01, 0.25}, {134, 180, 0.05, 0.5}}}}}};
+       {{0, 80, 0.05, 0.5}, {80, 134, 0.005, 0.25}, {134, 180, 0.05, 0.5}}}}}};
 
 class EnergyOfAnOrder : public testing::TestWithParam<std::size_t> {
 protected:
@@ -327,11 +327,8 @@ TEST_P(EnergyOfAnOrder, IsTheSolidAngleIntegralOfItsIntensity) {
   for (int order = 0; order <= 3; ++order) {
     if (energy_cases[GetParam()].bands[order].empty()) continue;
     const double coarse = misfit(order, 125), fine = misfit(order, 500);
-    // Interpolated amplitudes fall short of the rays' own where they turn quickly from ray to ray: at the
-    // rim, which matters to orders 0 and 3. Sampling adds up to 5e-4.
-    EXPECT_LT(std::abs(fine), order == 1 || order == 2 ? 1e-3 : 3e-3)
-        << "order " << order << ", 500 x 500 rays";
-    EXPECT_LT(std::abs(fine), std::max(0.5 * std::abs(coarse), 1e-3))
+    EXPECT_LT(std::abs(fine), 1e-3) << "order " << order << ", 500 x 500 rays";
+    EXPECT_LT(std::abs(fine), std::max(0.5 * std::abs(coarse), 4e-4))
         << "order " << order << ", does not converge from " << coarse;
     std::printf("order %d: %+.1e with 125 x 125 rays, %+.1e with 500 x 500\n", order, coarse, fine);
   }
@@ -362,7 +359,8 @@ TEST(OrderEnergy, OfASphereIsTheIntegralOfFresnelsProducts) {
         far_field(tracing_of(drop::sphere(0.5e-3), 0, rays, {0, 1, 2, 3, 4, 5}), with_index(n), wanted);
     double sum = 0;
     for (int p = 0; p < 6; ++p) {
-      EXPECT_NEAR(field.order_energy.at(p), expected[p], 1e-6) << "order " << p << ", " << rays << " rays";
+      EXPECT_NEAR(field.order_energy.at(p), expected[p], rays == 100 ? 1.5e-3 : 1e-6)
+          << "order " << p << ", " << rays << " rays";
       sum += field.order_energy.at(p);
     }
     EXPECT_NEAR(sum, 1, rays == 100 ? 0.03 : 1e-3) << "what is left: the rim and orders beyond 5";

@@ -14,7 +14,8 @@
 #define EXIT_FIELDS 7
 #define SCRATCH_EXIT (STATE_FIELDS * TILE_PADDED)
 #define SCRATCH_JONES (SCRATCH_EXIT + EXIT_FIELDS * TILE_PADDED)
-#define SCRATCH_DOUBLES (SCRATCH_JONES + 8 * TILE_PADDED)
+#define SCRATCH_PLANES (SCRATCH_JONES + 8 * TILE_PADDED) // the same Jones matrices, one plane per element
+#define SCRATCH_DOUBLES (SCRATCH_PLANES + 8 * TILE_PADDED)
 enum { EXIT_X, EXIT_Y, EXIT_Z, EXIT_PHASE, EXIT_ROW, EXIT_COLUMN, EXIT_ENERGY };
 
 #define NOWHERE 1e300 // column of a ray that did not leave
@@ -164,6 +165,15 @@ void trace_tile(constant const double* surface, constant const job_t* job, tile_
                                out.e2x.im * out.e2x.im + out.e1y.re * out.e1y.re + out.e1y.im * out.e1y.im +
                                out.e2y.re * out.e2y.re + out.e2y.im * out.e2y.im);
     store_real(select(energy, (real)(0.0), lost), field + EXIT_ENERGY * TILE_PADDED);
+    global double* plane = scratch + SCRATCH_PLANES + at;
+    store_real(out.e1x.re, plane + 0 * TILE_PADDED);
+    store_real(out.e2x.re, plane + 1 * TILE_PADDED);
+    store_real(out.e1y.re, plane + 2 * TILE_PADDED);
+    store_real(out.e2y.re, plane + 3 * TILE_PADDED);
+    store_real(out.e1x.im, plane + 4 * TILE_PADDED);
+    store_real(out.e2x.im, plane + 5 * TILE_PADDED);
+    store_real(out.e1y.im, plane + 6 * TILE_PADDED);
+    store_real(out.e2y.im, plane + 7 * TILE_PADDED);
     global double* jones = scratch + SCRATCH_JONES + 8 * at;
     store_jones(jones, out.e1x.re.lo, out.e2x.re.lo, out.e1y.re.lo, out.e2y.re.lo, out.e1x.im.lo, out.e2x.im.lo,
                 out.e1y.im.lo, out.e2y.im.lo);
@@ -212,6 +222,32 @@ FORCE_INLINE point8 corners8(global const double* scratch, int at) {
   return d;
 }
 
+// What linear interpolation of the Jones matrix takes from a patch's intensity wherever it turns from ray to ray, as a
+// factor to give it back: the corners' mean of |J|^2 over the mean, over both triangles by their shares, of
+// |interpolated J|^2. That mean is a sixth of the sum over corners and sides of Re(J_a . J_b*).
+FORCE_INLINE double8 energy_kept(global const double* scratch, int at, double8 first_weight, double8 second_weight) {
+  double8 E0 = 0.0, E1 = 0.0, E2 = 0.0, E3 = 0.0, sides1 = 0.0, sides2 = 0.0;
+  for (int element = 0; element < 8; ++element) {
+    global const double* plane = scratch + SCRATCH_PLANES + element * TILE_PADDED + at;
+    const double8 j0 = vload8(0, plane), j1 = vload8(0, plane + 1);
+    const double8 j2 = vload8(0, plane + TILE_RAYS + 1), j3 = vload8(0, plane + TILE_RAYS), j02 = j0 * j2;
+    E0 += j0 * j0;
+    E1 += j1 * j1;
+    E2 += j2 * j2;
+    E3 += j3 * j3;
+    sides1 += j1 * (j0 + j2) + j02;
+    sides2 += j3 * (j0 + j2) + j02;
+  }
+  const double8 first = first_weight * (E0 + E1 + E2 + sides1), second = second_weight * (E0 + E2 + E3 + sides2);
+  const double8 factor = 1.5 * (E0 + E1 + E2 + E3) * (first_weight + second_weight) / (first + second);
+  // Corners in different hemispheres have different bases; a patch without light needs no factor.
+  global const double* z = scratch + SCRATCH_EXIT + EXIT_Z * TILE_PADDED + at;
+  const long8 below0 = vload8(0, z) < 0.0, below1 = vload8(0, z + 1) < 0.0, below2 = vload8(0, z + TILE_RAYS + 1) < 0.0,
+              below3 = vload8(0, z + TILE_RAYS) < 0.0;
+  const long8 one_basis = (below0 == below1) & (below0 == below2) & (below0 == below3);
+  return select((double8)(1.0), clamp(factor, 0.25, 4.0), one_basis & (factor > 0.0));
+}
+
 FORCE_INLINE void make_patches(
     constant const job_t* job, tile_t tile, int p, global const double* scratch, int i, int j, int stride, double* out) {
   const int at = j * TILE_RAYS + i;
@@ -237,8 +273,10 @@ FORCE_INLINE void make_patches(
   const double cell = job->step * job->step;
   // Triangles of one turn share the patch's area; where it folds, each has its own.
   const long8 folded = (first >= 0.0) != (second >= 0.0);
-  const double8 first_share = select(cell / (first_area + second_area), 0.5 * cell / first_area, folded);
-  const double8 second_share = select(first_share, 0.5 * cell / second_area, folded);
+  const double8 kept = energy_kept(scratch, at, select(first_area, (double8)(1.0), folded),
+                                   select(second_area, (double8)(1.0), folded));
+  const double8 first_share = kept * select(cell / (first_area + second_area), 0.5 * cell / first_area, folded);
+  const double8 second_share = select(first_share, kept * 0.5 * cell / second_area, folded);
   // A triangle without area holds no direction.
   const double8 first_factor = select(sqrt(first_share), (double8)(0.0), !(first_share < 1e300));
   const double8 second_factor = select(sqrt(second_share), (double8)(0.0), !(second_share < 1e300));
