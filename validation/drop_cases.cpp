@@ -33,7 +33,8 @@ std::vector<double> midpoints(double from, double to, double step) {
 }
 
 /// Bands that cover 0 to 180 deg, fine where the intensity of an order has infinite, integrable edges: around
-/// its bow, wherever in azimuth that is. External reflection rises steeply towards the forward direction.
+/// its bow, wherever in azimuth that is, and up to 8 deg away, where other caustics of a deformed drop end.
+/// External reflection rises steeply towards the forward direction.
 std::vector<Band> bands_of(int order, const phase::Request& request, const compute::Device& device) {
   if (order == 0) return {{0, 16, 0.025, 0.125}, {16, 180, 0.05, 0.5}};
   if (order == 1) return {{0, 180, 0.05, 0.5}};
@@ -50,11 +51,11 @@ std::vector<Band> bands_of(int order, const phase::Request& request, const compu
     high = std::max(high, theta);
   }
   if (low > high) return {{0, 180, 0.0125, 0.25}};
-  low = std::clamp(std::floor(low - 2), 0.0, 180.0);
-  high = std::clamp(std::ceil(high + 2), 0.0, 180.0);
+  low = std::clamp(std::floor(low - 8), 0.0, 180.0);
+  high = std::clamp(std::ceil(high + 8), 0.0, 180.0);
   std::vector<Band> bands;
   if (low > 0) bands.push_back({0, low, 0.05, 0.5});
-  bands.push_back({low, high, 0.0025, 0.25});
+  bands.push_back({low, high, 0.0025, 0.0625});
   if (high < 180) bands.push_back({high, 180, 0.025, 0.5});
   return bands;
 }
@@ -147,11 +148,8 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
       "order's intensity is integrated over all directions and held against the energy that the patches of "
       "that "
       "order carry. Patches that fold, wrap around a pole or straddle the seam would show as energy lost or "
-      "counted twice. Directions lie closest around the bows (0.0025 deg by 0.25 deg), whose edges are "
-      "infinitely "
-      "bright: there the integral itself is the harder part. Interpolated amplitudes fall short of the rays' "
-      "own where these turn quickly from ray to ray: at the drop's rim, most of all "
-      "for order 0, and less so with more rays."});
+      "counted twice. Directions lie closest around the bows (0.0025 deg by 0.0625 deg), whose edges are "
+      "infinitely bright: what is left of the difference is how well points meet the slivers there."});
   report.blocks.emplace_back(std::move(table));
   const auto worst = std::ranges::max_element(
       rows, {}, [&](const Row& row) { return row.rays == rays.back() ? std::abs(row.error()) : 0; });

@@ -208,8 +208,8 @@ FORCE_INLINE double8 solid_angle(double8 triple, point8 a, point8 b, point8 c) {
 }
 
 // Patches of the eight cells i..i+7 of a row. Corners: 0 = (i, j), 1 = (i+1, j), 2 = (i+1, j+1), 3 = (i, j+1); the
-// triangles are 012 and 023. Normals of the edges 0->1, 1->2, 3->2, 0->3 and 0->2, then sqrt(a/s) of both triangles
-// with the sign of their turn (+ counter-clockwise, 0 drops the triangle), then the phase of the whole patch.
+// triangles are 012 and 023. Normals of the edges 0->1, 1->2, 3->2, 0->3 and 0->2, then the patch's sqrt(a/s) for both
+// triangles with the sign of their turn (+ counter-clockwise, 0 drops the triangle), then the phase of the whole patch.
 enum {
   PATCH_BOTTOM = 0, PATCH_RIGHT = 3, PATCH_TOP = 6, PATCH_LEFT = 9, PATCH_DIAGONAL = 12,
   PATCH_FIRST = 15, PATCH_SECOND, PATCH_PHASE, PATCH_FIELDS
@@ -271,15 +271,12 @@ FORCE_INLINE void make_patches(
   const double8 first = inner8(bottom, difference8(d2, d0)), second = inner8(diagonal, difference8(d3, d0));
   const double8 first_area = solid_angle(first, d0, d1, d2), second_area = solid_angle(second, d0, d2, d3);
   const double cell = job->step * job->step;
-  // Triangles of one turn share the patch's area; where it folds, each has its own.
-  const long8 folded = (first >= 0.0) != (second >= 0.0);
-  const double8 kept = energy_kept(scratch, at, select(first_area, (double8)(1.0), folded),
-                                   select(second_area, (double8)(1.0), folded));
-  const double8 first_share = kept * select(cell / (first_area + second_area), 0.5 * cell / first_area, folded);
-  const double8 second_share = select(first_share, kept * 0.5 * cell / second_area, folded);
-  // A triangle without area holds no direction.
-  const double8 first_factor = select(sqrt(first_share), (double8)(0.0), !(first_share < 1e300));
-  const double8 second_factor = select(sqrt(second_share), (double8)(0.0), !(second_share < 1e300));
+  // Both triangles share the patch's density, also where it folds: a sliver of its own would get half of the energy.
+  const double8 share = energy_kept(scratch, at, first_area, second_area) * cell / (first_area + second_area);
+  // A patch without area holds no direction.
+  const double8 factor = select(sqrt(share), (double8)(0.0), !(share < 1e300));
+  const double8 first_factor = select(factor, (double8)(0.0), !(first_area > 0.0));
+  const double8 second_factor = select(factor, (double8)(0.0), !(second_area > 0.0));
   vstore8(select(-first_factor, first_factor, first >= 0.0), 0, out + PATCH_FIRST * stride);
   vstore8(select(-second_factor, second_factor, second >= 0.0), 0, out + PATCH_SECOND * stride);
 
