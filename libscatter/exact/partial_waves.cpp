@@ -147,6 +147,20 @@ std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
   return folded;
 }
 
+std::vector<std::vector<std::size_t>> blocks_of_one_half(std::span<const Angle> angles, std::size_t size) {
+  std::vector<std::vector<std::size_t>> blocks;
+  for (const bool backward : {false, true}) {
+    bool open = false;
+    for (std::size_t i = 0; i < angles.size(); ++i) {
+      if (angles[i].backward != backward) continue;
+      if (!open) blocks.emplace_back();
+      blocks.back().push_back(i);
+      open = blocks.back().size() < size;
+    }
+  }
+  return blocks;
+}
+
 std::vector<AngleSums>
 sum_partial_waves(std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads) {
   std::vector<AngleSums> sums(sets.size());
@@ -156,18 +170,8 @@ sum_partial_waves(std::span<const PartialWaves> sets, std::span<const Angle> ang
     sum.largest_partial.resize(angles.size());
   }
   if (sets.empty() || angles.empty()) return sums;
-  // Blocks hold angles of one half only. A block that is not full repeats an angle: every lane does the same
-  // arithmetic.
-  std::vector<std::vector<std::size_t>> blocks;
-  for (const bool backward : {false, true}) {
-    bool open = false;
-    for (std::size_t i = 0; i < angles.size(); ++i) {
-      if (angles[i].backward != backward) continue;
-      if (!open) blocks.emplace_back();
-      blocks.back().push_back(i);
-      open = blocks.back().size() < block;
-    }
-  }
+  // A block that is not full repeats an angle: every lane does the same arithmetic.
+  const auto blocks = blocks_of_one_half(angles, block);
   const auto work = [&](std::size_t i) {
     const auto& members = blocks[i];
     Block io;

@@ -38,6 +38,10 @@ struct Angle {
 /// Throws InputError for an angle that is not in [0, pi] or [0, 180] deg.
 [[nodiscard]] std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit);
 
+/// Indices of the angles in blocks of at most `size`, each of one half only.
+[[nodiscard]] std::vector<std::vector<std::size_t>>
+blocks_of_one_half(std::span<const Angle> angles, std::size_t size);
+
 /// Amplitudes of one set of coefficients, one per angle.
 struct AngleSums {
   std::vector<std::complex<double>> S1, S2;
