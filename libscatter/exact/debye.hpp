@@ -27,8 +27,8 @@ struct DebyeResult {
   std::complex<double> index;
   std::vector<DebyeOrder> orders; ///< those asked for, ascending
   DebyeTerm partial_sum;          ///< all orders 0 .. the last asked for, whether asked for or not
-  /// All orders after the last asked for, as the geometric series' closed form. It is what resonances leave:
-  /// it may decay slowly with p, where a partial wave is caught inside.
+  /// All orders after the last asked for, as the geometric series' closed form. It decays slowly with p:
+  /// resonances keep partial waves inside, in the extreme for 1e8 reflections.
   DebyeTerm remainder;
   DebyeTerm whole; ///< all orders, closed form: Lorenz-Mie
 };
@@ -39,6 +39,11 @@ struct DebyeResult {
 /// Source: Hovenac & Lock 1992, J. Opt. Soc. Am. A 9, 781, with Riccati-Hankel functions of both kinds
 /// outside and inside: a_n, b_n = 1/2 [1 - R22 - sum T21 R11^(p-1) T12]. See debye.cpp for the forms that
 /// keep their digits.
+///
+/// For m < 1 the partial waves m x < n < x are totally reflected. Taken literally, as here, the series then
+/// splits them with R11 next to 1: p = 0 has their amplitude but not the phase of total reflection, orders p
+/// >= 1 have next to nothing of them, and `remainder` holds the difference however late it starts. What a ray
+/// picture calls external reflection there is p = 0 and the remainder together.
 ///
 /// Accuracy against 60-digit arithmetic, x <= 2e4: 1e-10 of max(|S1_p|, |S2_p|, 1e-12 |S_Mie|), mostly 1e-13,
 /// also where p has no ray and all partial waves cancel; real m from 0.2 to 10, m = 10 + 10i. error_estimate
