@@ -24,6 +24,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <sstream>
 #include <string>
 
 namespace scatter::exact {
@@ -34,6 +35,11 @@ constexpr double extended_epsilon = 0x1p-104;
 constexpr double floor_of_whole = 1e-12; ///< orders far below the whole need no ten digits of their own
 constexpr double sure = 5e-11;           ///< estimated error above which an amplitude is summed again
 constexpr int most_orders = 1000;
+constexpr double smallest_index = 1e-6; ///< keeps powers of it, and functions of small spheres, in range
+// Late orders are a few resonant partial waves: the roundings of their pi_n do not average out as those of
+// many do.
+constexpr int last_of_many_waves = 8;
+constexpr double few_waves = 3;
 constexpr std::size_t batch = 8; ///< orders held in memory at a time
 
 struct Complex {
@@ -227,7 +233,9 @@ Coefficients coefficients(double x, std::complex<double> index) {
 /// A set of coefficients as weights for the sums.
 class Set {
 public:
-  explicit Set(double relative_error) : relative_error_(relative_error) {}
+  /// sum_factor: how much more than that of many partial waves the sum's rounding is.
+  explicit Set(double relative_error, double sum_factor = 1)
+      : relative_error_(relative_error), sum_factor_(sum_factor) {}
 
   /// The next n's coefficients.
   void add(const Complex& a, const Complex& b) {
@@ -239,12 +247,13 @@ public:
   }
   [[nodiscard]] const ExtendedWaves& exact() const { return exact_; }
   [[nodiscard]] PartialWaves take_rounded() { return std::move(rounded_); }
-  [[nodiscard]] double relative_error() const { return relative_error_; }
+  /// Relative to the largest partial sum, where the sum alone has `rounding`.
+  [[nodiscard]] double error(double rounding) const { return sum_factor_ * rounding + relative_error_; }
 
 private:
   ExtendedWaves exact_;
   PartialWaves rounded_;
-  double relative_error_ = 0;
+  double relative_error_ = 0, sum_factor_ = 1;
 };
 
 double larger(const DebyeTerm& term, std::size_t i) {
@@ -268,7 +277,7 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
   };
   const auto estimate = [&](std::size_t set, std::size_t i, double rounding) {
     const double size = std::sqrt(sums[set].largest_partial[i]);
-    return size > 0 ? (rounding + sets[set].relative_error()) * size / scale(set, i) : 0;
+    return size > 0 ? sets[set].error(rounding) * size / scale(set, i) : 0;
   };
   std::vector<bool> unsure(angles.size());
   std::vector<std::vector<bool>> unsure_of(sets.size(), unsure);
@@ -309,6 +318,12 @@ DebyeResult solve(
     double x, std::complex<double> m, std::span<const int> asked, std::span<const double> theta,
     AngleUnit unit, int threads) {
   check_sphere(x, m);
+  if (!(std::abs(m) >= smallest_index)) {
+    std::ostringstream message;
+    message << "index " << m.real() << '+' << m.imag()
+            << "i is too small for the Debye series: use one of modulus 1e-6 or more";
+    throw InputError(message.str());
+  }
   std::vector<int> orders(asked.begin(), asked.end());
   std::sort(orders.begin(), orders.end());
   orders.erase(std::unique(orders.begin(), orders.end()), orders.end());
@@ -341,7 +356,7 @@ DebyeResult solve(
   std::vector<Complex> power_a(count, one), power_b(count, one), sum_a(count), sum_b(count);
   for (int p = 0; p <= orders.back(); ++p) {
     const bool wanted = std::binary_search(orders.begin(), orders.end(), p);
-    if (wanted) sets.emplace_back((p + 1) * c.error);
+    if (wanted) sets.emplace_back((p + 1) * c.error, p > last_of_many_waves ? few_waves : 1);
     for (std::size_t k = 0; k < count; ++k) {
       const auto term = [p](const Wave& wave, Complex& power) {
         if (p == 0) return wave.first;
@@ -360,7 +375,7 @@ DebyeResult solve(
 
   const int last = orders.back();
   sets.emplace_back((last + 1) * c.error);
-  sets.emplace_back((last + 1) * c.error + c.whole_error);
+  sets.emplace_back((last + 1) * c.error + c.whole_error, few_waves);
   for (std::size_t k = 0; k < count; ++k) {
     sets[0].add(sum_a[k], sum_b[k]);
     sets[1].add(c.a[k].after_first * power_a[k], c.b[k].after_first * power_b[k]);

@@ -46,14 +46,15 @@ struct DebyeResult {
 /// picture calls external reflection there is p = 0 and the remainder together.
 ///
 /// Accuracy against 60-digit arithmetic, x <= 2e4: 1e-10 of max(|S1_p|, |S2_p|, 1e-12 |S_Mie|), mostly 1e-13,
-/// also where p has no ray and all partial waves cancel; real m from 0.2 to 10, m = 10 + 10i. error_estimate
-/// says it for each term and was never below the error. The angle counts as exact.
+/// also where p has no ray and all partial waves cancel. error_estimate was above the error in 150 random
+/// spheres (x to 1600, n 0.05..10, k to 10, orders to 60), mostly by 10 to 100, and below 1e-10. The angle
+/// counts as exact.
 ///
 /// Cost: x |m| steps of 32 digits for the coefficients, then per order Mie's sum over partial waves, and some
 /// 20 times that for angles where double is not enough.
 ///
-/// Throws InputError for x outside [1e-6, 5e5], an index that is not finite, n <= 0, k < 0, m = 1, |m| x >
-/// 1e8, an angle that is not in [0, pi], no order, or one outside 0..1000.
+/// Throws InputError for x outside [1e-6, 5e5], an index that is not finite, n <= 0, k < 0, m = 1, |m| <
+/// 1e-6, |m| x > 1e8, an angle that is not in [0, pi], no order, or one outside 0..1000.
 [[nodiscard]] DebyeResult debye(
     double size_parameter, std::complex<double> index, std::span<const int> orders,
     std::span<const double> theta, int threads = 0);

@@ -73,7 +73,7 @@ TEST_P(DebyeTruth, EveryOrderAtEveryAngle) {
     EXPECT_LE(found, term.error_estimate) << name << p;
     EXPECT_LE(found, 1e-11) << name << p;
     EXPECT_LE(term.error_estimate, 1e-10) << name << p;
-    EXPECT_LE(term.error_estimate, 1e3 * std::max(found, 1e-14)) << name << p << ": says too much";
+    EXPECT_LE(term.error_estimate, 3e3 * std::max(found, 1e-14)) << name << p << ": says too much";
   };
   for (std::size_t i = 0; i < result.orders.size(); ++i) {
     ASSERT_EQ(result.orders[i].p, exact["orders"][i]["p"].get<int>());
@@ -282,12 +282,31 @@ TEST(Debye, ThreadsOrderAndCompanyChangeNothing) {
     }
 }
 
+TEST(Debye, EveryCornerOfTheDomainIsFinite) {
+  const std::vector<double> angles{0, 1e-3, 77, 180};
+  const std::vector<int> orders{0, 1, 2, 1000};
+  for (const double x : {1e-6, 1e-3, 1.0, 300.0})
+    for (const complex m :
+         {complex{1e-6, 0}, {1e-6, 1e-6}, {1e-6, 1e4}, {1e4, 0}, {1e4, 1e4}, {std::nextafter(1, 2), 0}}) {
+      const auto result = debye_at_degrees(x, m, orders, angles);
+      const auto check = [&](const DebyeTerm& term) {
+        EXPECT_TRUE(std::isfinite(term.error_estimate)) << x << m;
+        for (std::size_t i = 0; i < angles.size(); ++i)
+          EXPECT_TRUE(std::isfinite(larger(term.S1[i], term.S2[i]))) << x << m << angles[i];
+      };
+      for (const auto& order : result.orders) check(order);
+      check(result.partial_sum);
+      check(result.remainder);
+      check(result.whole);
+    }
+}
+
 TEST(Debye, WrongInputIsRefused) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<int> orders{0};
   for (const double x : {0.0, -1.0, 0.9e-6, 5.1e5, nan})
     EXPECT_THROW((void)debye(x, 1.33, orders, {}), scatter::InputError) << x;
-  for (const complex m : {complex{1, 0}, {0, 1}, {1.33, -1e-9}, {nan, 0}})
+  for (const complex m : {complex{1, 0}, {0, 1}, {1.33, -1e-9}, {nan, 0}, {1e-7, 0}})
     EXPECT_THROW((void)debye(1, m, orders, {}), scatter::InputError) << m;
   const std::vector<double> beyond{180.0001};
   EXPECT_THROW((void)debye_at_degrees(1, 1.33, orders, beyond), scatter::InputError);
