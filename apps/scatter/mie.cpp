@@ -1,4 +1,5 @@
 #include "verbs.hpp"
+#include <scatter/exact/debye.hpp>
 #include <scatter/exact/mie.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/refractive_index.hpp>
@@ -37,7 +38,15 @@ struct Request {
   std::string index_source;
   std::optional<double> radius_m, wavelength_m;
   std::vector<double> theta_deg;
+  std::vector<int> orders; ///< none: the whole sum alone
   int threads = 0;
+};
+
+/// What it gets.
+struct Answer {
+  exact::MieResult mie;
+  std::optional<exact::DebyeResult> debye;
+  double seconds = 0;
 };
 
 /// Reads one option's text; whatever is wrong with it then names the option.
@@ -65,9 +74,6 @@ int thread_count(const std::string& text) {
 }
 
 Request parse(const Texts& texts) {
-  if (texts.orders)
-    throw InputError(
-        "--orders: Debye terms are not available in this version; leave it out for the whole sum");
   Request request;
   if (texts.size_parameter) {
     if (texts.radius)
@@ -103,6 +109,7 @@ Request parse(const Texts& texts) {
   for (const double angle : request.theta_deg)
     if (!(angle >= 0 && angle <= 180))
       throw InputError(fmt::format("--angles: {} deg is outside 0deg..180deg", angle));
+  if (texts.orders) request.orders = read("--orders", *texts.orders, parse_orders);
   request.threads = thread_count(texts.threads);
   return request;
 }
@@ -131,8 +138,8 @@ Constants constants_of(const Request& request) {
   return constants;
 }
 
-std::string json_text(
-    const Request& request, const exact::MieResult& result, double seconds, const std::string& command) {
+std::string json_text(const Request& request, const Answer& answer, const std::string& command) {
+  const exact::MieResult& result = answer.mie;
   const auto pairs = [](const std::vector<std::complex<double>>& values) {
     auto list = nlohmann::ordered_json::array();
     for (const auto& value : values) list.push_back({value.real(), value.imag()});
@@ -141,6 +148,11 @@ std::string json_text(
   auto constants = nlohmann::ordered_json::array();
   for (const auto& [name, value] : constants_of(request))
     constants.push_back({{"name", name}, {"value", value}});
+  const auto add_term = [&](nlohmann::ordered_json& json, const exact::DebyeTerm& term) {
+    json["S1"] = pairs(term.S1);
+    json["S2"] = pairs(term.S2);
+    json["error_estimate"] = term.error_estimate;
+  };
   nlohmann::ordered_json json;
   json["x"] = result.size_parameter;
   json["m"] = {result.index.real(), result.index.imag()};
@@ -153,9 +165,22 @@ std::string json_text(
   json["S1"] = pairs(result.S1);
   json["S2"] = pairs(result.S2);
   json["phase_function"] = result.phase_function;
+  if (answer.debye) {
+    json["orders"] = nlohmann::ordered_json::array();
+    for (const auto& order : answer.debye->orders) {
+      nlohmann::ordered_json one{{"p", order.p}};
+      add_term(one, order);
+      json["orders"].push_back(std::move(one));
+    }
+    const int last = request.orders.back();
+    json["partial_sum"] = {{"last_p", last}};
+    add_term(json["partial_sum"], answer.debye->partial_sum);
+    json["remainder"] = {{"after_p", last}};
+    add_term(json["remainder"], answer.debye->remainder);
+  }
   json["error_estimate"] = result.error_estimate;
-  json["method"] = "Lorenz-Mie";
-  json["seconds"] = seconds;
+  json["method"] = answer.debye ? "Lorenz-Mie, Debye series" : "Lorenz-Mie";
+  json["seconds"] = answer.seconds;
   json["provenance"] = {
       {"command", command},
       {"version", version()},
@@ -166,8 +191,14 @@ std::string json_text(
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-std::string
-csv_text(const Request& request, const exact::MieResult& result, double seconds, const std::string& command) {
+std::string csv_text(const Request& request, const Answer& answer, const std::string& command) {
+  const exact::MieResult& result = answer.mie;
+  std::vector<std::pair<std::string, const exact::DebyeTerm*>> terms;
+  if (answer.debye) {
+    for (const auto& order : answer.debye->orders) terms.emplace_back(fmt::format("p{}", order.p), &order);
+    terms.emplace_back("partial_sum", &answer.debye->partial_sum);
+    terms.emplace_back("remainder", &answer.debye->remainder);
+  }
   std::string one_line = command;
   for (char& c : one_line)
     if (c == '\n' || c == '\r') c = ' ';
@@ -177,15 +208,20 @@ csv_text(const Request& request, const exact::MieResult& result, double seconds,
   };
   add("# Lorenz-Mie scattering by a sphere; amplitudes of Bohren & Huffman, time factor exp(-i omega t)\n");
   add("# command: {}\n# version: scatter {}\n# created: {}\n# seconds: {}\n", one_line, version(), now(),
-      seconds);
+      answer.seconds);
   for (const auto& [name, value] : constants_of(request)) add("# {}: {}\n", name, value);
   add("# x: {}\n# m: {} {}\n", result.size_parameter, result.index.real(), result.index.imag());
   add("# Qext: {}\n# Qsca: {}\n# Qabs: {}\n# Qback: {}\n# g: {}\n", result.Qext, result.Qsca, result.Qabs,
       result.Qback, result.g);
   add("# error_estimate: {}\n", result.error_estimate);
+  for (const auto& [name, term] : terms) add("# error_estimate of {}: {}\n", name, term->error_estimate);
+  if (answer.debye)
+    add("# partial_sum: all orders 0..{0}; remainder: all orders after {0}\n", request.orders.back());
   add("# phase_function in sr^-1, integral over the sphere 1; polarization = -S12/S11 for unpolarised "
       "light\n");
-  add("theta_deg,S1_re,S1_im,S2_re,S2_im,S11,S12,S33,S34,phase_function,polarization\n");
+  add("theta_deg,S1_re,S1_im,S2_re,S2_im,S11,S12,S33,S34,phase_function,polarization");
+  for (const auto& [name, term] : terms) add(",{0}_S1_re,{0}_S1_im,{0}_S2_re,{0}_S2_im", name);
+  add("\n");
   for (std::size_t i = 0; i < request.theta_deg.size(); ++i) {
     const auto S1 = result.S1[i], S2 = result.S2[i];
     const double perpendicular = std::norm(S1), parallel = std::norm(S2);
@@ -193,9 +229,11 @@ csv_text(const Request& request, const exact::MieResult& result, double seconds,
     // The difference of squares as a product: it keeps its digits where the two are nearly equal.
     const double S12 = (std::abs(S2) - std::abs(S1)) * (std::abs(S2) + std::abs(S1)) / 2;
     const auto cross = S2 * std::conj(S1);
-    add("{},{},{},{},{},{},{},{},{},{},{}\n", request.theta_deg[i], S1.real(), S1.imag(), S2.real(),
-        S2.imag(), S11, S12, cross.real(), cross.imag(), result.phase_function[i],
-        S11 > 0 ? (0 - S12) / S11 : 0.0);
+    add("{},{},{},{},{},{},{},{},{},{},{}", request.theta_deg[i], S1.real(), S1.imag(), S2.real(), S2.imag(),
+        S11, S12, cross.real(), cross.imag(), result.phase_function[i], S11 > 0 ? (0 - S12) / S11 : 0.0);
+    for (const auto& [name, term] : terms)
+      add(",{},{},{},{}", term->S1[i].real(), term->S1[i].imag(), term->S2[i].real(), term->S2[i].imag());
+    add("\n");
   }
   return fmt::to_string(text);
 }
@@ -208,16 +246,23 @@ void run(const Texts& texts, const Context& context) {
   if (texts.output != "-") file.emplace(texts.output);
 
   const auto start = std::chrono::steady_clock::now();
-  const auto result =
+  Answer answer;
+  answer.mie =
       exact::mie_at_degrees(request.size_parameter, request.index, request.theta_deg, request.threads);
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (!request.orders.empty())
+    answer.debye = exact::debye_at_degrees(
+        request.size_parameter, request.index, request.orders, request.theta_deg, request.threads);
+  answer.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   spdlog::info(
       "x = {}, m = {} + {}i ({}), {} angles, {:.3g} s, error estimate {:.1e}", request.size_parameter,
-      request.index.real(), request.index.imag(), request.index_source, request.theta_deg.size(), seconds,
-      result.error_estimate);
+      request.index.real(), request.index.imag(), request.index_source, request.theta_deg.size(),
+      answer.seconds, answer.mie.error_estimate);
+  if (answer.debye)
+    for (const auto& order : answer.debye->orders)
+      spdlog::info("p = {}: error estimate {:.1e}", order.p, order.error_estimate);
 
-  const std::string text = format == Format::csv ? csv_text(request, result, seconds, context.command_line)
-                                                 : json_text(request, result, seconds, context.command_line);
+  const std::string text = format == Format::csv ? csv_text(request, answer, context.command_line)
+                                                 : json_text(request, answer, context.command_line);
   if (!file) {
     std::cout << text; // main() checks that it arrived
     return;
@@ -245,10 +290,12 @@ void add_mie(CLI::App& app, Context& context) {
       "hale-querry [iapws]");
   add("--angles", texts->angles, "ANGLES", "Directions",
       "Scattering angles, 0deg to 180deg, in any order [" + texts->angles + "]");
+  add("--orders", texts->orders, "ORDERS", "Method",
+      "Debye terms p too, such as 0..8 or 0,2: 0 external reflection and diffraction, 1 transmission, p - 1 "
+      "internal reflections; with the sum of all up to the last and the remainder");
   add("--threads", texts->threads, "N", "Method",
       "Threads to use, 0 for all cores; results do not depend on it [0]");
   add("--output", texts->output, "FILE", "Output", "FILE.json, FILE.csv or - (JSON to standard output) [-]");
-  add("--orders", texts->orders, "ORDERS", "", "Not available in this version"); // no group: not in the help
   verb->footer(
       "Amplitudes follow Bohren & Huffman (time factor exp(-i omega t)); efficiencies are over pi radius^2.\n"
       "Example: scatter mie --radius 0.4mm --wavelength 650nm --angles 137:143:0.1deg --output bow.csv");

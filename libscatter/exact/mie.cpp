@@ -6,36 +6,15 @@
 //     anchored on sin x or on any other number that may vanish;
 //   - a_n = N / (N - i M) with N and M from differences of rho, and the absorbed share Re a_n - |a_n|^2 in
 //   closed form.
-// The sum over partial waves is done per angle in double, eight angles to a vector, with recurrences for the
-// differences of pi_n in t = 1 - cos(theta), which keep their digits near the forward direction; angles
-// beyond 90 deg are mirrored.
+// The sum over partial waves is partial_waves.cpp's.
 
 #include <scatter/exact/mie.hpp>
-#include <scatter/optics/errors.hpp>
+#include <scatter/exact/partial_waves.hpp>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <sstream>
-#include <system_error>
-#include <thread>
-
-// Clones of the inner loop for wider vectors, picked at start-up. Not under sanitizers, whose start-up comes
-// later.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&     \
-    !defined(__SANITIZE_THREAD__)
-#define SCATTER_VECTOR_CLONES __attribute__((target_clones("avx512f", "fma", "default")))
-#define SCATTER_HAS_FMA __builtin_cpu_supports("fma")
-#else
-#define SCATTER_VECTOR_CLONES
-#ifdef FP_FAST_FMA
-#define SCATTER_HAS_FMA true
-#else
-#define SCATTER_HAS_FMA false
-#endif
-#endif
 
 namespace scatter::exact {
 namespace {
@@ -72,6 +51,10 @@ Complex inverse(Complex a) {
   return {a.re * scale, -a.im * scale};
 }
 
+std::complex<double> to_double(Complex a) {
+  return {static_cast<double>(a.re), static_cast<double>(a.im)};
+}
+
 /// rho_n(z) = psi_{n+1}(z) / psi_n(z), n = 0..count-1, for Im z >= 0. The imaginary part is a sum of terms of
 /// one sign: it keeps its digits when it is tiny.
 std::vector<Complex> riccati_ratios(Complex z, std::size_t count) {
@@ -91,20 +74,9 @@ std::vector<Complex> riccati_ratios(Complex z, std::size_t count) {
   return ratios;
 }
 
-/// Weights of pi_n + tau_n and pi_n - tau_n in S1 + S2 and S1 - S2; index 0 is n = 1.
-struct Weights {
-  std::vector<double> plus_re, plus_im, minus_re, minus_im;
-  void add(Complex plus, Complex minus) {
-    plus_re.push_back(static_cast<double>(plus.re));
-    plus_im.push_back(static_cast<double>(plus.im));
-    minus_re.push_back(static_cast<double>(minus.re));
-    minus_im.push_back(static_cast<double>(minus.im));
-  }
-};
-
 /// All that does not depend on the angle.
 struct Coefficients {
-  Weights forward, backward; ///< for theta up to 90 deg, and beyond with theta' = pi - theta
+  PartialWaves waves;
   double Qext = 0, Qsca = 0, Qabs = 0, Qback = 0, g = 0;
   double relative_error = 0; ///< of a_n and b_n, against the largest of them
 };
@@ -169,10 +141,7 @@ Coefficients coefficients(real x, Complex m) {
 
     const real weight = (2 * n + 1) / (n * (n + 1));
     const Complex sum = weight / 2 * (a + b), difference = weight / 2 * (a - b);
-    result.forward.add(sum, difference);
-    // pi_n(pi - theta) = (-1)^(n+1) pi_n(theta), tau_n(pi - theta) = (-1)^n tau_n(theta).
-    const real sign = index % 2 ? 1 : -1;
-    result.backward.add(sign * difference, sign * sum);
+    result.waves.add(to_double(sum), to_double(difference));
     back = back + (index % 2 ? -(2 * n + 1) : 2 * n + 1) * (a - b);
     asymmetry += weight * (a.re * b.re + a.im * b.im);
     if (index > 1)
@@ -194,109 +163,12 @@ Coefficients coefficients(real x, Complex m) {
   return result;
 }
 
-/// One scattering angle, folded into the forward half: t = 1 - cos(theta') with theta' = min(theta, pi -
-/// theta).
-struct Angle {
-  double t = 0, t_rest = 0; ///< t to twice the digits of a double
-  bool backward = false;    ///< theta > 90 deg
-  std::size_t index = 0;    ///< place in the caller's list
-};
-
-Angle fold(real theta, bool backward, std::size_t index) {
-  const real half = std::sin(std::max<real>(theta, 0) / 2);
-  const real t = 2 * half * half;
-  Angle angle{static_cast<double>(t), 0, backward, index};
-  angle.t_rest = static_cast<double>(t - static_cast<real>(angle.t));
-  return angle;
-}
-
-using Lanes = double __attribute__((vector_size(64)));
-constexpr std::size_t lanes = sizeof(Lanes) / sizeof(double);
-constexpr std::size_t rows = 3; ///< vectors in flight: hides the latency of the recurrence
-constexpr std::size_t block = lanes * rows;
-
-/// Inputs and outputs of one block of angles.
-struct Block {
-  double t[block], t_rest[block];
-  double S1_re[block], S1_im[block], S2_re[block], S2_im[block];
-  double largest_partial[block]; ///< max over the sum's course of (|S1|^2 + |S2|^2) / 2
-};
-
-/// Sums over all partial waves; S2 comes out with the sign of the forward half.
-SCATTER_VECTOR_CLONES
-void sum_partial_waves(const Weights& weights, Block& io) {
-  // With s = t pi_n: pi_n - tau_n = e_n + n s, e_{n+1} = e_n + (2n+1) s, pi_{n+1} = pi_n + (2 pi_n - e_{n+1})
-  // / n; it follows from n pi_{n+1} = (2n+1) cos(theta) pi_n - (n+1) pi_{n-1}. All of it keeps its digits for
-  // small t.
-  Lanes pi[rows], e[rows], t[rows], t_rest[rows];
-  Lanes plus_re[rows], plus_im[rows], minus_re[rows], minus_im[rows], largest[rows];
-  for (std::size_t r = 0; r < rows; ++r) {
-    for (std::size_t i = 0; i < lanes; ++i) {
-      t[r][i] = io.t[r * lanes + i];
-      t_rest[r][i] = io.t_rest[r * lanes + i];
-    }
-    pi[r] = Lanes{} + 1;
-    e[r] = plus_re[r] = plus_im[r] = minus_re[r] = minus_im[r] = largest[r] = Lanes{};
-  }
-  const std::size_t count = weights.plus_re.size();
-  const std::size_t stride = std::max<std::size_t>(1, count / 256);
-  for (std::size_t first = 0; first < count; first += stride) {
-    const std::size_t last = std::min(first + stride, count);
-    for (std::size_t k = first; k < last; ++k) {
-      const double n = static_cast<double>(k + 1), inverse_n = 1 / n;
-      for (std::size_t r = 0; r < rows; ++r) {
-        const Lanes s = t[r] * pi[r] + t_rest[r] * pi[r];
-        const Lanes minus = e[r] + n * s;     // pi_n - tau_n
-        const Lanes plus = 2 * pi[r] - minus; // pi_n + tau_n
-        plus_re[r] += weights.plus_re[k] * plus;
-        plus_im[r] += weights.plus_im[k] * plus;
-        minus_re[r] += weights.minus_re[k] * minus;
-        minus_im[r] += weights.minus_im[k] * minus;
-        e[r] += (2 * n + 1) * s;
-        pi[r] += inverse_n * (2 * pi[r] - e[r]);
-      }
-    }
-    for (std::size_t r = 0; r < rows; ++r) {
-      const Lanes partial = plus_re[r] * plus_re[r] + plus_im[r] * plus_im[r] + minus_re[r] * minus_re[r] +
-                            minus_im[r] * minus_im[r];
-      largest[r] = partial > largest[r] ? partial : largest[r];
-    }
-  }
-  for (std::size_t r = 0; r < rows; ++r)
-    for (std::size_t i = 0; i < lanes; ++i) {
-      io.S1_re[r * lanes + i] = plus_re[r][i] + minus_re[r][i];
-      io.S1_im[r * lanes + i] = plus_im[r][i] + minus_im[r][i];
-      io.S2_re[r * lanes + i] = plus_re[r][i] - minus_re[r][i];
-      io.S2_im[r * lanes + i] = plus_im[r][i] - minus_im[r][i];
-      io.largest_partial[r * lanes + i] = largest[r][i];
-    }
-}
-
-/// Whether the compiler's a * b + c above rounds once.
-bool sums_are_fused() {
-  return SCATTER_HAS_FMA;
-}
-
-void check(double x, std::complex<double> m) {
-  std::ostringstream message;
-  message.precision(17);
-  if (!(x >= 1e-6 && x <= 5e5))
-    message << "size parameter " << x << " is outside 1e-6..5e5";
-  else if (!std::isfinite(m.real()) || !std::isfinite(m.imag()) || m.real() <= 0 || m.imag() < 0)
-    message << "index " << m.real() << (m.imag() < 0 ? "" : "+") << m.imag()
-            << "i is not possible: use n + ik with n > 0 and k >= 0 (k > 0 absorbs)";
-  else if (m == 1.0)
-    message << "index 1 is no sphere: nothing is scattered; use an index relative to the surroundings other "
-               "than 1";
-  else if (std::abs(m) * x > 1e8)
-    message << "index times size parameter is " << std::abs(m) * x << ", more than 1e8";
-  else
-    return;
-  throw InputError(message.str());
-}
-
-MieResult solve(double x, std::complex<double> m, const std::vector<Angle>& angles, int threads) {
+MieResult
+solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit unit, int threads) {
+  check_sphere(x, m);
+  const std::vector<Angle> angles = fold_angles(theta, unit);
   const Coefficients c = coefficients(x, {m.real(), m.imag()});
+  auto sums = std::move(sum_partial_waves({&c.waves, 1}, angles, threads)[0]);
   MieResult result;
   result.size_parameter = x;
   result.index = m;
@@ -305,110 +177,32 @@ MieResult solve(double x, std::complex<double> m, const std::vector<Angle>& angl
   result.Qabs = c.Qabs;
   result.Qback = c.Qback;
   result.g = c.g;
-  result.S1.resize(angles.size());
-  result.S2.resize(angles.size());
-  result.phase_function.resize(angles.size());
-
-  // Blocks hold angles of one half only. A block that is not full repeats an angle: every lane does the same
-  // arithmetic.
-  std::vector<std::vector<Angle>> blocks;
-  for (const bool backward : {false, true}) {
-    bool open = false;
-    for (const auto& angle : angles) {
-      if (angle.backward != backward) continue;
-      if (!open) blocks.emplace_back();
-      blocks.back().push_back(angle);
-      open = blocks.back().size() < block;
-    }
-  }
-  const double count = static_cast<double>(c.forward.plus_re.size());
-  // The roundings of the sum walk at random, the coefficients' may all go one way. Without fused multiply-add
-  // t_rest is rounded away, and t's own rounding turns every partial wave the same way. The factors hold with
-  // room to spare for everything that was compared with 60 digits.
-  const double steps = 12 + 8 * std::sqrt(count) + (sums_are_fused() ? 0 : count / 2);
-  const double rounding = steps * epsilon + c.relative_error;
-  std::vector<double> error(blocks.size());
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < blocks.size(); i = next++) {
-      Block io;
-      for (std::size_t lane = 0; lane < block; ++lane) {
-        const auto& angle = blocks[i][std::min(lane, blocks[i].size() - 1)];
-        io.t[lane] = angle.t;
-        io.t_rest[lane] = angle.t_rest;
-      }
-      const bool backward = blocks[i][0].backward;
-      sum_partial_waves(backward ? c.backward : c.forward, io);
-      for (std::size_t lane = 0; lane < blocks[i].size(); ++lane) {
-        const std::size_t index = blocks[i][lane].index;
-        result.S1[index] = {io.S1_re[lane], io.S1_im[lane]};
-        result.S2[index] = {io.S2_re[lane], io.S2_im[lane]};
-        if (backward) result.S2[index] = -result.S2[index];
-        const double first = std::norm(result.S1[index]), second = std::norm(result.S2[index]);
-        result.phase_function[index] = (first + second) / (2 * std::numbers::pi * x * x * c.Qsca);
-        error[i] =
-            std::max(error[i], rounding * std::sqrt(io.largest_partial[lane] / std::max(first, second)));
-      }
-    }
-  };
-  std::size_t wanted = threads > 0 ? static_cast<std::size_t>(threads) : std::thread::hardware_concurrency();
-  // A thread costs about as much as 1e5 partial waves of a block.
-  wanted = std::min(
-      {wanted, blocks.size(),
-       static_cast<std::size_t>(count * static_cast<double>(blocks.size()) / 1e5) + 1});
-  std::vector<std::thread> others;
-  try {
-    for (std::size_t i = 1; i < wanted; ++i) others.emplace_back(work);
-  } catch (const std::system_error&) {
-    // No more threads to be had: those that run, and this one, do the work.
-  }
-  work();
-  for (auto& thread : others) thread.join();
+  result.S1 = std::move(sums.S1);
+  result.S2 = std::move(sums.S2);
+  result.phase_function.reserve(angles.size());
   // Qabs follows the squared width of a resonance: twice the coefficient's error, and once more for the width
   // itself.
   result.error_estimate = 8 * epsilon + (m.imag() > 0 ? 4 : 1) * c.relative_error;
-  for (const double e : error) result.error_estimate = std::max(result.error_estimate, e);
-  return result;
-}
-
-/// half_turn: 180 deg in the unit of the angles, exactly or as near as a double comes.
-template <typename ToRadians>
-MieResult mie_of(
-    double x, std::complex<double> m, std::span<const double> angles, double half_turn, const char* unit,
-    int threads, ToRadians&& radians) {
-  check(x, m);
-  std::vector<Angle> folded;
-  folded.reserve(angles.size());
+  // The sum's roundings walk at random, the coefficients' may all go one way.
+  const double rounding = sum_rounding(c.waves.count()) + c.relative_error;
   for (std::size_t i = 0; i < angles.size(); ++i) {
-    const double angle = angles[i];
-    if (!(angle >= 0 && angle <= half_turn)) {
-      std::ostringstream message;
-      message << "scattering angle " << angle << ' ' << unit << " is outside 0.." << half_turn << ' ' << unit;
-      throw InputError(message.str());
-    }
-    folded.push_back(radians(angle, i));
+    const double first = std::norm(result.S1[i]), second = std::norm(result.S2[i]);
+    result.phase_function.push_back((first + second) / (2 * std::numbers::pi * x * x * c.Qsca));
+    const double error = rounding * std::sqrt(sums.largest_partial[i] / std::max(first, second));
+    result.error_estimate = std::max(result.error_estimate, error);
   }
-  return solve(x, m, folded, threads);
+  return result;
 }
 
 } // namespace
 
 MieResult mie(double size_parameter, std::complex<double> index, std::span<const double> theta, int threads) {
-  constexpr real half_turn = std::numbers::pi_v<real>;
-  return mie_of(
-      size_parameter, index, theta, std::numbers::pi, "rad", threads, [](double angle, std::size_t i) {
-        const bool backward = angle > std::numbers::pi / 2;
-        return fold(backward ? half_turn - static_cast<real>(angle) : static_cast<real>(angle), backward, i);
-      });
+  return solve(size_parameter, index, theta, AngleUnit::radian, threads);
 }
 
 MieResult mie_at_degrees(
     double size_parameter, std::complex<double> index, std::span<const double> theta_deg, int threads) {
-  constexpr real degree = std::numbers::pi_v<real> / 180;
-  return mie_of(size_parameter, index, theta_deg, 180, "deg", threads, [](double angle, std::size_t i) {
-    const bool backward = angle > 90;
-    return fold((backward ? 180 - static_cast<real>(angle) : static_cast<real>(angle)) * degree, backward, i);
-  });
+  return solve(size_parameter, index, theta_deg, AngleUnit::degree, threads);
 }
 
 } // namespace scatter::exact

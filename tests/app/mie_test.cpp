@@ -1,6 +1,7 @@
 // scatter mie: what it writes equals what the library computes, to the last bit, and wrong requests leave
 // nothing.
 #include "run.hpp"
+#include <scatter/exact/debye.hpp>
 #include <scatter/exact/mie.hpp>
 #include <scatter/optics/refractive_index.hpp>
 #include <scatter/optics/units.hpp>
@@ -118,6 +119,72 @@ TEST(MieVerb, FilesEqualStandardOutput) {
   EXPECT_EQ(from_file, printed);
 }
 
+TEST(MieVerb, OrdersAddDebyeTerms) {
+  const Outcome outcome = run(
+      {"mie", "--x", "300.5", "--index", "1.333", "--angles", "0,42.5,90,137.9,180", "--orders", "0,2..3"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const auto json = nlohmann::json::parse(outcome.output);
+  const auto whole = scatter::exact::mie_at_degrees(300.5, 1.333, angles);
+  const auto expected = scatter::exact::debye_at_degrees(300.5, 1.333, std::vector<int>{0, 2, 3}, angles);
+  const auto same = [&](const nlohmann::json& one, const std::vector<std::complex<double>>& S1,
+                        const std::vector<std::complex<double>>& S2) {
+    ASSERT_EQ(one.at("S1").size(), angles.size());
+    ASSERT_EQ(one.at("S2").size(), angles.size());
+    for (std::size_t i = 0; i < angles.size(); ++i) {
+      EXPECT_THAT(one.at("S1").at(i), ElementsAre(S1[i].real(), S1[i].imag()));
+      EXPECT_THAT(one.at("S2").at(i), ElementsAre(S2[i].real(), S2[i].imag()));
+    }
+  };
+  same(json, whole.S1, whole.S2); // as without --orders
+  ASSERT_EQ(json.at("orders").size(), 3U);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto& order = json.at("orders").at(k);
+    EXPECT_EQ(order.at("p"), expected.orders[k].p);
+    EXPECT_EQ(order.at("error_estimate"), expected.orders[k].error_estimate);
+    same(order, expected.orders[k].S1, expected.orders[k].S2);
+  }
+  EXPECT_EQ(json.at("partial_sum").at("last_p"), 3);
+  same(json.at("partial_sum"), expected.partial_sum.S1, expected.partial_sum.S2);
+  EXPECT_EQ(json.at("remainder").at("after_p"), 3);
+  EXPECT_EQ(json.at("remainder").at("error_estimate"), expected.remainder.error_estimate);
+  same(json.at("remainder"), expected.remainder.S1, expected.remainder.S2);
+}
+
+TEST(MieVerb, CsvHasColumnsForEveryOrder) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("sphere.csv");
+  const Outcome outcome = run(
+      {"mie", "--x", "25", "--index", "1.5+0.01i", "--angles", "0,42.5,90,137.9,180", "--orders", "1,4",
+       "--output", path});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const auto expected = scatter::exact::debye_at_degrees(25, {1.5, 0.01}, std::vector<int>{1, 4}, angles);
+  std::ifstream file(path);
+  std::string line, comments;
+  while (std::getline(file, line) && line.starts_with('#')) comments += line + '\n';
+  EXPECT_THAT(comments, HasSubstr("# error_estimate of p4: "));
+  EXPECT_THAT(comments, HasSubstr("orders 0..4"));
+  EXPECT_EQ(
+      line, "theta_deg,S1_re,S1_im,S2_re,S2_im,S11,S12,S33,S34,phase_function,polarization,"
+            "p1_S1_re,p1_S1_im,p1_S2_re,p1_S2_im,p4_S1_re,p4_S1_im,p4_S2_re,p4_S2_im,"
+            "partial_sum_S1_re,partial_sum_S1_im,partial_sum_S2_re,partial_sum_S2_im,"
+            "remainder_S1_re,remainder_S1_im,remainder_S2_re,remainder_S2_im");
+  const scatter::exact::DebyeTerm* const terms[] = {
+      &expected.orders[0], &expected.orders[1], &expected.partial_sum, &expected.remainder};
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    ASSERT_TRUE(std::getline(file, line));
+    std::vector<double> v;
+    std::istringstream fields(line);
+    for (std::string field; std::getline(fields, field, ',');) v.push_back(std::stod(field));
+    ASSERT_EQ(v.size(), 27U);
+    for (std::size_t k = 0; k < 4; ++k) {
+      EXPECT_EQ(v[11 + 4 * k], terms[k]->S1[i].real());
+      EXPECT_EQ(v[12 + 4 * k], terms[k]->S1[i].imag());
+      EXPECT_EQ(v[13 + 4 * k], terms[k]->S2[i].real());
+      EXPECT_EQ(v[14 + 4 * k], terms[k]->S2[i].imag());
+    }
+  }
+}
+
 struct Case {
   const char* name;
   std::vector<std::string> arguments;
@@ -166,7 +233,11 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"AngleBeyond", {"--x", "1", "--index", "1.33", "--angles", "0,181"}, {"--angles", "181"}},
         Case{"EmptyAngles", {"--x", "1", "--index", "1.33", "--angles", ""}, {"--angles", "empty"}},
         Case{"InvertedRange", {"--x", "1", "--index", "1.33", "--angles", "10:0:1"}, {"--angles", "10:0:1"}},
-        Case{"Orders", {"--x", "1", "--index", "1.33", "--orders", "2"}, {"--orders", "not available"}},
+        Case{"OrdersNegative", {"--x", "1", "--index", "1.33", "--orders=-1"}, {"--orders", "-1", "0..3"}},
+        Case{"OrdersInverted", {"--x", "1", "--index", "1.33", "--orders", "3..0"}, {"--orders", "3..0"}},
+        Case{"OrdersTooHigh", {"--x", "1", "--index", "1.33", "--orders", "0..1001"}, {"--orders", "1000"}},
+        Case{"OrdersEmpty", {"--x", "1", "--index", "1.33", "--orders", ""}, {"--orders", "empty"}},
+        Case{"OrdersNoNumber", {"--x", "1", "--index", "1.33", "--orders", "all"}, {"--orders", "all"}},
         Case{"Threads", {"--x", "1", "--index", "1.33", "--threads", "many"}, {"--threads", "many"}},
         Case{"Extension", {"--x", "1", "--index", "1.33", "--output", "sphere.txt"}, {"sphere.txt", ".csv"}},
         Case{"Folder", {"--x", "1", "--index", "1.33", "--output", "/no/such/a.csv"}, {"/no/such"}}),

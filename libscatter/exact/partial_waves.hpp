@@ -1,0 +1,67 @@
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <functional>
+#include <span>
+#include <vector>
+
+/// Internal to scatter::exact: what all solutions for a sphere share, from coefficients to amplitudes.
+/// S1 = sum (2n+1)/(n(n+1)) (a_n pi_n + b_n tau_n), S2 with pi_n and tau_n exchanged (Bohren & Huffman 4.74).
+namespace scatter::exact {
+
+/// Weights of pi_n + tau_n and pi_n - tau_n in S1 + S2 and S1 - S2; index 0 is n = 1.
+struct Weights {
+  std::vector<double> plus_re, plus_im, minus_re, minus_im;
+};
+
+/// One set of coefficients, as weights for both halves of the sphere.
+struct PartialWaves {
+  Weights forward, backward; ///< for theta up to 90 deg, and beyond with theta' = pi - theta
+
+  /// Appends the next n: plus and minus are (2n+1)/(n(n+1)) (a_n +- b_n) / 2.
+  void add(std::complex<double> plus, std::complex<double> minus);
+  [[nodiscard]] std::size_t count() const { return forward.plus_re.size(); }
+};
+
+enum class AngleUnit { radian, degree };
+
+/// One scattering angle, folded into the forward half: t = 1 - cos(theta') with theta' = min(theta, pi -
+/// theta).
+struct Angle {
+  double t = 0, t_rest = 0; ///< t to twice the digits of a double
+  bool backward = false;    ///< theta > 90 deg
+  double theta = 0;         ///< as given, counting as exact in its unit
+  AngleUnit unit = AngleUnit::radian;
+};
+
+/// Throws InputError for an angle that is not in [0, pi] or [0, 180] deg.
+[[nodiscard]] std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit);
+
+/// Indices of the angles in blocks of at most `size`, each of one half only.
+[[nodiscard]] std::vector<std::vector<std::size_t>>
+blocks_of_one_half(std::span<const Angle> angles, std::size_t size);
+
+/// Amplitudes of one set of coefficients, one per angle.
+struct AngleSums {
+  std::vector<std::complex<double>> S1, S2;
+  std::vector<double> largest_partial; ///< max over the sum's course of (|S1|^2 + |S2|^2) / 2
+};
+
+/// The amplitudes of several sets of coefficients, all of the same count, at the same angles. threads = 0:
+/// all cores. Each amplitude depends on its set and its angle alone, bit for bit.
+[[nodiscard]] std::vector<AngleSums>
+sum_partial_waves(std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads);
+
+/// Rounding of a sum over `count` partial waves, relative to the root of its largest_partial.
+[[nodiscard]] double sum_rounding(std::size_t count);
+
+/// Runs work(0) .. work(items - 1), in any order, on at most `threads` threads (0: all cores), fewer where
+/// there is little to do: a thread costs about as much as 1e5 of `cost`, the whole work's.
+void in_parallel(std::size_t items, double cost, int threads, const std::function<void(std::size_t)>& work);
+
+/// Throws InputError for x outside [1e-6, 5e5], an index that is not finite, n <= 0, k < 0, m = 1, |m| x >
+/// 1e8.
+void check_sphere(double size_parameter, std::complex<double> index);
+
+} // namespace scatter::exact
