@@ -166,6 +166,8 @@ struct Coefficients {
     T2.push_back(weight * wave.a2);
     T3.push_back(-(weight * times_i(wave.a1)));
   }
+  /// What is cut off: of the size of the last term.
+  [[nodiscard]] real rest() const { return std::sqrt(norm(T1.back()) + norm(T2.back()) + norm(T3.back())); }
   [[nodiscard]] real size() const {
     real total = 0;
     for (const auto* list : {&T1, &T2, &T3})
@@ -424,8 +426,11 @@ CylinderResult solve(
     double largest = 0, error = 0;
     // Each passage turns the phase by up to 2 |eta|, known to a rounding of eta.
     const real passage = abs(sqrt(setting.eta_squared)) + std::sqrt(setting.xi) + 10;
-    const double coefficient_error = static_cast<double>(
-        real_epsilon * passage * static_cast<real>(order.p + 1) * solution.orders[k].size());
+    // Through an opaque cylinder most of what little light there is takes the short way near the rim, beyond
+    // the orders n that matter to the whole.
+    const auto coefficient_error = static_cast<double>(
+        real_epsilon * passage * static_cast<real>(order.p + 1) * solution.orders[k].size() +
+        8 * solution.orders[k].rest());
     for (std::size_t i = 0; i < theta.size(); ++i) {
       largest = std::max(largest, largest_at(order.amplitudes, i));
       error = std::max(error, rounding_at(6 + 3 * k, i) + coefficient_error);

@@ -33,6 +33,9 @@ struct CylinderAmplitudes {
 
 /// One term of the Debye series: p = 0 is external reflection with all diffraction, p >= 1 light that crossed
 /// the cylinder p times, reflected p - 1 times inside.
+/// The terms of every order n of the wave are a geometric series, so that all p together are the whole. For m
+/// < 1 it converges slowly: where the surface reflects totally the waves inside are no rays. At a tilt the
+/// terms couple both polarisations, as the whole does (T3, T4).
 struct CylinderOrder {
   int p = 0;
   CylinderAmplitudes amplitudes;
@@ -57,6 +60,16 @@ struct CylinderResult {
 
 /// tilt in radians, |tilt| <= 89.9 deg. theta in radians, [-2 pi, 2 pi], any order. orders: 0..1000. Each
 /// angle's result depends on the cylinder and that angle alone, bit for bit.
+///
+/// Accuracy against Maxwell's equations solved with 50 digits, 32 cylinders, x <= 5000, tilt <= 89.5 deg: the
+/// Q's 1e-15; T 1e-16 .. 5e-15 of max |T| at the same angle, except 5e-12 for m = 1.0001 near 180 deg
+/// (partial waves cancel to 1e-5 there) and 1e-9 on the peak of a resonance of width 1e-9 in x; Debye terms
+/// 2e-15 of their largest value, 1e-13 where absorption leaves 1e-100 of them. error_estimate stayed above
+/// the error, mostly by 3 to 12. Up to x = 1e5 it computes the same way, not compared. The angles count as
+/// exact: rounding one to radians moves the phase of T by x times 2e-16; see cylinder_at_degrees.
+///
+/// Cost: x (|m| + 1) long double steps for the coefficients, and again x for each Debye order up to the
+/// highest; then about x / 4 vectorised steps per angle, thrice, and thrice more for each order given.
 ///
 /// Exact symmetries of the result: T4 = -T3; T1 and T2 are even, T3 is odd in theta; T3 is odd in tilt, T1
 /// and T2 even; T3 = 0 at normal incidence.
