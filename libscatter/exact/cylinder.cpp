@@ -80,6 +80,14 @@ struct Meeting {
     determinant = out.e * u * w - out.alpha * (w + (setting.c * setting.c) * u);
   }
 
+  /// How many times larger than the determinant the terms are that cancel in it.
+  [[nodiscard]] real loss(const Setting& setting, const Outside& out) const {
+    const real sigma = abs(out.sigma), u_terms = sigma + abs(p), w_terms = sigma + abs(setting.m_squared * p);
+    const real terms =
+        abs(out.e) * u_terms * w_terms + abs(out.alpha) * (w_terms + setting.c * setting.c * u_terms);
+    return terms / abs(determinant);
+  }
+
   /// (H'/H - L)^-1
   [[nodiscard]] Symmetric resolvent(const Setting& setting, const Outside& out) const {
     const LongComplex scale = inverse(determinant);
@@ -160,6 +168,7 @@ private:
 /// Coefficients of T1, T2, T3 as the sums over theta take them.
 struct Coefficients {
   std::vector<LongComplex> T1, T2, T3;
+  real lost = 0; ///< of a Debye term: sum of squares, coefficients times what their roundings grow by
   void add(std::size_t n, const Wave& wave) {
     const real weight = n == 0 ? 1 : 2;
     T1.push_back(weight * wave.b1);
@@ -190,6 +199,7 @@ public:
   DebyeTerms(const Setting& setting, const Outside& out, const InnerWaves::At& inside, LongComplex q_outside)
       : m_squared_(setting.m_squared), ratio_(inside.ratio) {
     const Meeting meeting(setting, out, inside.q2);
+    loss_ = meeting.loss(setting, out);
     first_ = meeting.wave(setting, out, inside.q2, q_outside - inside.q2);
     K_ = meeting.resolvent(setting, out);
     const LongComplex L1_less_L2 = setting.xi * inside.q2_less_q1; // of l; m^2 times it for case I
@@ -204,6 +214,9 @@ public:
     X22_ = K_.II;
     X12_ = K_.cross;
   }
+
+  /// Roundings of a term grow by this: large where the waves do not travel at this n.
+  [[nodiscard]] real loss() const { return loss_; }
 
   /// The next p, from 0.
   Wave next() {
@@ -225,6 +238,7 @@ public:
 
 private:
   int p_ = 0;
+  real loss_ = 0;
   LongComplex m_squared_, ratio_, front_;
   Wave first_;
   Symmetric K_;
@@ -293,13 +307,15 @@ Solution solve_orders(const Setting& setting, std::span<const int> orders) {
     const Symmetric K = meeting.resolvent(setting, out);
     const LongComplex ratio = eta * q_inside;
     const LongComplex slope = LongComplex{1, 0} + ratio * ratio - (2 * n + 1) * q_inside;
-    const real ratio_error = 2 * abs(ratio) + abs(slope) * (eta_size / 2 + walk);
+    // An error of the argument moves the ratio where it oscillates; beyond, the ratio keeps its digits.
+    const real ratio_error =
+        2 * abs(ratio) + (n + 1 < eta_size ? abs(slope) * (eta_size / 2 + walk) : walk * abs(ratio));
     const real inner_error = xi / eta_size * ratio_error * std::max<real>(m_squared_size, 1);
     const real size = std::sqrt(std::max({norm(wave.b1), norm(wave.a2), norm(wave.a1)}));
     largest = std::max(largest, size);
     if (n + 1 > std::max(xi, eta_size)) {
       // Nothing oscillates: every factor keeps its digits, and the error is the coefficient's own.
-      worst = std::max(worst, (walk + 8) * size);
+      worst = std::max(worst, (walk + 8 + meeting.loss(setting, out)) * size);
     } else {
       const real outer_error = walk * (1 + std::sqrt(norm(K)) * (abs(out.sigma) + n / xi)) *
                                (n < xi ? 1 : size + std::abs(out.J) / std::sqrt(H_squared));
@@ -314,6 +330,8 @@ Solution solve_orders(const Setting& setting, std::span<const int> orders) {
         for (std::size_t k = 0; k < orders.size(); ++k) {
           if (orders[k] != p) continue;
           solution.orders[k].add(index, term);
+          const real term_size = norm(term.b1) + norm(term.a2) + norm(term.a1);
+          solution.orders[k].lost += terms.loss() * terms.loss() * term_size;
           rest = {rest.b1 - term.b1, rest.a2 - term.a2, rest.a1 - term.a1};
         }
       }
@@ -370,7 +388,7 @@ void check(
 CylinderAmplitudes amplitudes(std::span<AzimuthSum> sums) {
   CylinderAmplitudes result{std::move(sums[0].value), std::move(sums[1].value), std::move(sums[2].value), {}};
   result.T4.reserve(result.T3.size());
-  for (const auto& value : result.T3) result.T4.push_back(0.0 - value);
+  for (const auto& value : result.T3) result.T4.emplace_back(0 - value.real(), 0 - value.imag());
   return result;
 }
 
@@ -429,13 +447,14 @@ CylinderResult solve(
     // Through an opaque cylinder most of what little light there is takes the short way near the rim, beyond
     // the orders n that matter to the whole.
     const auto coefficient_error = static_cast<double>(
-        real_epsilon * passage * static_cast<real>(order.p + 1) * solution.orders[k].size() +
+        real_epsilon * static_cast<real>(order.p + 1) *
+            (passage * solution.orders[k].size() + 4 * std::sqrt(solution.orders[k].lost)) +
         8 * solution.orders[k].rest());
     for (std::size_t i = 0; i < theta.size(); ++i) {
       largest = std::max(largest, largest_at(order.amplitudes, i));
       error = std::max(error, rounding_at(6 + 3 * k, i) + coefficient_error);
     }
-    order.error_estimate = largest > 0 ? error / largest : 0;
+    order.error_estimate = largest > 0 ? error / largest + 4 * epsilon : 0;
   }
   return result;
 }

@@ -35,7 +35,8 @@ struct CylinderAmplitudes {
 /// the cylinder p times, reflected p - 1 times inside.
 /// The terms of every order n of the wave are a geometric series, so that all p together are the whole. For m
 /// < 1 it converges slowly: where the surface reflects totally the waves inside are no rays. At a tilt the
-/// terms couple both polarisations, as the whole does (T3, T4).
+/// terms couple both polarisations, as the whole does (T3, T4). For x far below 1 the notion of rays makes no
+/// sense, and the terms lose digits as 1e-19 / x^2, at grazing tilts 1e-17 / x^2; error_estimate says so.
 struct CylinderOrder {
   int p = 0;
   CylinderAmplitudes amplitudes;
@@ -65,8 +66,9 @@ struct CylinderResult {
 /// Q's 1e-15; T 1e-16 .. 5e-15 of max |T| at the same angle, except 5e-12 for m = 1.0001 near 180 deg
 /// (partial waves cancel to 1e-5 there) and 1e-9 on the peak of a resonance of width 1e-9 in x; Debye terms
 /// 2e-15 of their largest value, 1e-13 where absorption leaves 1e-100 of them. error_estimate stayed above
-/// the error, mostly by 3 to 12. Up to x = 1e5 it computes the same way, not compared. The angles count as
-/// exact: rounding one to radians moves the phase of T by x times 2e-16; see cylinder_at_degrees.
+/// the error of these and of 220 random cylinders, mostly by 3 to 12. Up to x = 1e5 it computes the same
+/// way, not compared. The angles count as exact: rounding one to radians moves the phase of T by x times
+/// 2e-16; see cylinder_at_degrees.
 ///
 /// Cost: x (|m| + 1) long double steps for the coefficients, and again x for each Debye order up to the
 /// highest; then about x / 4 vectorised steps per angle, thrice, and thrice more for each order given.

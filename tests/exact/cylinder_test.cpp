@@ -223,6 +223,25 @@ TEST(Cylinder, Symmetries) {
   }
 }
 
+TEST(Cylinder, NothingHappensAtTheCriticalTilt) {
+  // sin(30 deg) = m: inside, the wave's argument passes from real through 0 to imaginary; the whole is
+  // smooth.
+  const std::vector<double> theta{0, 50, 180};
+  const double step = 1e-7;
+  const auto below = cylinder_at_degrees(10, 0.5, 30 - step, theta),
+             at = cylinder_at_degrees(10, 0.5, 30, theta),
+             above = cylinder_at_degrees(10, 0.5, 30 + step, theta);
+  EXPECT_LE(at.error_estimate, 1e-13);
+  for (std::size_t i = 0; i < theta.size(); ++i) {
+    // Changes are first order in the step, their differences second.
+    const complex slope = above.amplitudes.T1[i] - at.amplitudes.T1[i],
+                  slope_below = at.amplitudes.T1[i] - below.amplitudes.T1[i];
+    EXPECT_LE(std::abs(slope), 1e-5);
+    EXPECT_LE(std::abs(slope - slope_below), 1e-11);
+    EXPECT_GT(std::abs(slope), 1e-12);
+  }
+}
+
 TEST(Cylinder, ThinCylindersAreDipoles) {
   // x -> 0: b_0I = -i pi x^2 (m^2 - 1) cos^2 tilt / 4 along the axis, 2 a_1II = -i pi x^2 (m^2 - 1) / (m^2 +
   // 1) / 2 across it (Bohren & Huffman, 8.4.5); the next terms are x^2 log x smaller.
