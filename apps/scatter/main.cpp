@@ -36,9 +36,8 @@ constexpr int failed = 1;
 constexpr int wrong_input = 2;
 
 using AddVerb = void (*)(CLI::App&, scatter::app::Context&);
-constexpr AddVerb verbs[] = {
-    scatter::app::add_mie, scatter::app::add_phase, scatter::app::add_validate, scatter::app::add_info,
-    scatter::app::add_plot};
+constexpr AddVerb verbs[] = {scatter::app::add_mie,      scatter::app::add_cylinder, scatter::app::add_phase,
+                             scatter::app::add_validate, scatter::app::add_info,     scatter::app::add_plot};
 
 /// Killed or stopped: no half file stays behind, and whoever waits for us sees the signal, as the convention
 /// wants.

@@ -1,13 +1,10 @@
+#include "exact_options.hpp"
 #include "verbs.hpp"
 #include <scatter/exact/debye.hpp>
 #include <scatter/exact/mie.hpp>
 #include <scatter/optics/errors.hpp>
-#include <scatter/optics/refractive_index.hpp>
 #include <scatter/optics/units.hpp>
-#include <scatter/optics/version.hpp>
-#include <scatter/table/atomic_file.hpp>
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
@@ -15,8 +12,6 @@
 #include <charconv>
 #include <chrono>
 #include <cmath>
-#include <ctime>
-#include <iostream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,16 +22,14 @@ namespace {
 
 /// The options as typed.
 struct Texts {
-  std::optional<std::string> size_parameter, radius, wavelength, index, orders;
+  BodyTexts sphere;
+  std::optional<std::string> orders;
   std::string angles = "0:180:1deg", output = "-", threads = "0";
 };
 
 /// What one `scatter mie` asks for.
 struct Request {
-  double size_parameter = 0;
-  std::complex<double> index;
-  std::string index_source;
-  std::optional<double> radius_m, wavelength_m;
+  Body sphere;
   std::vector<double> theta_deg;
   std::vector<int> orders; ///< none: the whole sum alone
   int threads = 0;
@@ -49,22 +42,6 @@ struct Answer {
   double seconds = 0;
 };
 
-/// Reads one option's text; whatever is wrong with it then names the option.
-template <typename Reader>
-auto read(const char* option, const std::string& text, Reader&& reader) {
-  try {
-    return reader(text);
-  } catch (const InputError& error) {
-    throw InputError(std::string(option) + ": " + error.what());
-  }
-}
-
-double positive(const char* option, const std::string& text, double (*reader)(std::string_view)) {
-  const double value = read(option, text, reader);
-  if (!(value > 0)) throw InputError(std::string(option) + ": " + quote(text) + " is not positive");
-  return value;
-}
-
 int thread_count(const std::string& text) {
   int count = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), count);
@@ -75,36 +52,7 @@ int thread_count(const std::string& text) {
 
 Request parse(const Texts& texts) {
   Request request;
-  if (texts.size_parameter) {
-    if (texts.radius)
-      throw InputError("--radius: --size-parameter says the size already; give one of the two");
-    request.size_parameter = positive("--size-parameter", *texts.size_parameter, parse_number);
-  } else if (!texts.radius || !texts.wavelength) {
-    throw InputError(
-        "the size is missing: use --size-parameter 1000, or --radius 0.4mm with --wavelength 650nm");
-  }
-  if (texts.wavelength) request.wavelength_m = positive("--wavelength", *texts.wavelength, parse_length);
-  if (texts.radius) {
-    request.radius_m = positive("--radius", *texts.radius, parse_length);
-    request.size_parameter = 2 * pi * (*request.radius_m / *request.wavelength_m);
-  }
-
-  if (!texts.index && !request.wavelength_m)
-    throw InputError(
-        "--index is missing: use a number such as 1.333 or 1.33+1e-9i, or say the --wavelength for water's");
-  const IndexSource source = read("--index", texts.index.value_or("iapws"), parse_index_source);
-  if (source.kind != IndexSource::Kind::given && !request.wavelength_m)
-    throw InputError(
-        "--index: " + quote(*texts.index) +
-        " needs --wavelength, such as 650nm, or use a number such as 1.333");
-  // A given index holds at every wavelength; the argument then does not matter.
-  try {
-    request.index = refractive_index(source, request.wavelength_m.value_or(0));
-  } catch (const InputError& error) {
-    throw InputError(std::string("--wavelength: ") + error.what());
-  }
-  request.index_source = index_source_name(source);
-
+  request.sphere = read_body(texts.sphere, true);
   request.theta_deg = read("--angles", texts.angles, parse_angles_deg);
   for (const double angle : request.theta_deg)
     if (!(angle >= 0 && angle <= 180))
@@ -114,43 +62,11 @@ Request parse(const Texts& texts) {
   return request;
 }
 
-enum class Format { json, csv };
-
-Format format_of(const std::string& output) {
-  if (output == "-" || output.ends_with(".json")) return Format::json;
-  if (output.ends_with(".csv")) return Format::csv;
-  throw InputError(
-      "--output: " + quote(output) +
-      " has no known extension; use FILE.json, FILE.csv or - (JSON to standard output)");
-}
-
-/// UTC now, ISO 8601.
-std::string now() {
-  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
-}
-
-using Constants = std::vector<std::pair<std::string, std::string>>;
-
-Constants constants_of(const Request& request) {
-  Constants constants{{"index", request.index_source}};
-  if (request.radius_m) constants.emplace_back("radius_m", fmt::format("{}", *request.radius_m));
-  if (request.wavelength_m) constants.emplace_back("wavelength_m", fmt::format("{}", *request.wavelength_m));
-  return constants;
-}
-
 std::string json_text(const Request& request, const Answer& answer, const std::string& command) {
   const exact::MieResult& result = answer.mie;
-  const auto pairs = [](const std::vector<std::complex<double>>& values) {
-    auto list = nlohmann::ordered_json::array();
-    for (const auto& value : values) list.push_back({value.real(), value.imag()});
-    return list;
-  };
-  auto constants = nlohmann::ordered_json::array();
-  for (const auto& [name, value] : constants_of(request))
-    constants.push_back({{"name", name}, {"value", value}});
   const auto add_term = [&](nlohmann::ordered_json& json, const exact::DebyeTerm& term) {
-    json["S1"] = pairs(term.S1);
-    json["S2"] = pairs(term.S2);
+    json["S1"] = complex_pairs(term.S1);
+    json["S2"] = complex_pairs(term.S2);
     json["error_estimate"] = term.error_estimate;
   };
   nlohmann::ordered_json json;
@@ -162,8 +78,8 @@ std::string json_text(const Request& request, const Answer& answer, const std::s
   json["Qback"] = result.Qback;
   json["g"] = result.g;
   json["theta_deg"] = request.theta_deg;
-  json["S1"] = pairs(result.S1);
-  json["S2"] = pairs(result.S2);
+  json["S1"] = complex_pairs(result.S1);
+  json["S2"] = complex_pairs(result.S2);
   json["phase_function"] = result.phase_function;
   if (answer.debye) {
     json["orders"] = nlohmann::ordered_json::array();
@@ -181,14 +97,7 @@ std::string json_text(const Request& request, const Answer& answer, const std::s
   json["error_estimate"] = result.error_estimate;
   json["method"] = answer.debye ? "Lorenz-Mie, Debye series" : "Lorenz-Mie";
   json["seconds"] = answer.seconds;
-  json["provenance"] = {
-      {"command", command},
-      {"version", version()},
-      {"device", "host"},
-      {"created", now()},
-      {"constants", constants}};
-  // A command line may hold bytes that are no UTF-8.
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return finish_json(std::move(json), request.sphere, command);
 }
 
 std::string csv_text(const Request& request, const Answer& answer, const std::string& command) {
@@ -199,17 +108,12 @@ std::string csv_text(const Request& request, const Answer& answer, const std::st
     terms.emplace_back("partial_sum", &answer.debye->partial_sum);
     terms.emplace_back("remainder", &answer.debye->remainder);
   }
-  std::string one_line = command;
-  for (char& c : one_line)
-    if (c == '\n' || c == '\r') c = ' ';
   fmt::memory_buffer text;
   const auto add = [&]<typename... Values>(fmt::format_string<Values...> format, Values&&... values) {
     fmt::format_to(std::back_inserter(text), format, std::forward<Values>(values)...);
   };
   add("# Lorenz-Mie scattering by a sphere; amplitudes of Bohren & Huffman, time factor exp(-i omega t)\n");
-  add("# command: {}\n# version: scatter {}\n# created: {}\n# seconds: {}\n", one_line, version(), now(),
-      answer.seconds);
-  for (const auto& [name, value] : constants_of(request)) add("# {}: {}\n", name, value);
+  add("{}", csv_provenance(request.sphere, answer.seconds, command));
   add("# x: {}\n# m: {} {}\n", result.size_parameter, result.index.real(), result.index.imag());
   add("# Qext: {}\n# Qsca: {}\n# Qabs: {}\n# Qback: {}\n# g: {}\n", result.Qext, result.Qsca, result.Qabs,
       result.Qback, result.g);
@@ -240,37 +144,27 @@ std::string csv_text(const Request& request, const Answer& answer, const std::st
 
 void run(const Texts& texts, const Context& context) {
   const Request request = parse(texts);
-  const Format format = format_of(texts.output);
-  // The file is opened before the work: a folder that is not there is told at once.
-  std::optional<table::PartFile> file;
-  if (texts.output != "-") file.emplace(texts.output);
+  ExactOutput output(texts.output);
 
   const auto start = std::chrono::steady_clock::now();
   Answer answer;
-  answer.mie =
-      exact::mie_at_degrees(request.size_parameter, request.index, request.theta_deg, request.threads);
+  answer.mie = exact::mie_at_degrees(
+      request.sphere.size_parameter, request.sphere.index, request.theta_deg, request.threads);
   if (!request.orders.empty())
     answer.debye = exact::debye_at_degrees(
-        request.size_parameter, request.index, request.orders, request.theta_deg, request.threads);
+        request.sphere.size_parameter, request.sphere.index, request.orders, request.theta_deg,
+        request.threads);
   answer.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   spdlog::info(
-      "x = {}, m = {} + {}i ({}), {} angles, {:.3g} s, error estimate {:.1e}", request.size_parameter,
-      request.index.real(), request.index.imag(), request.index_source, request.theta_deg.size(),
+      "x = {}, m = {} + {}i ({}), {} angles, {:.3g} s, error estimate {:.1e}", answer.mie.size_parameter,
+      answer.mie.index.real(), answer.mie.index.imag(), request.sphere.index_source, request.theta_deg.size(),
       answer.seconds, answer.mie.error_estimate);
   if (answer.debye)
     for (const auto& order : answer.debye->orders)
       spdlog::info("p = {}: error estimate {:.1e}", order.p, order.error_estimate);
-
-  const std::string text = format == Format::csv ? csv_text(request, answer, context.command_line)
-                                                 : json_text(request, answer, context.command_line);
-  if (!file) {
-    std::cout << text; // main() checks that it arrived
-    return;
-  }
-  table::FileWriter out(file->descriptor(), file->name().string());
-  out.write(text);
-  out.flush();
-  file->commit();
+  output.write(
+      output.is_csv() ? csv_text(request, answer, context.command_line)
+                      : json_text(request, answer, context.command_line));
 }
 
 } // namespace
@@ -282,10 +176,8 @@ void add_mie(CLI::App& app, Context& context) {
                        const std::string& description) {
     verb->add_option(name, text, description)->type_name(type)->group(group);
   };
-  add("--size-parameter,--x", texts->size_parameter, "X", "Sphere", "2 pi radius / wavelength, 1e-6 to 5e5");
-  add("--radius", texts->radius, "LENGTH", "Sphere", "Radius, such as 0.4mm; needs --wavelength");
-  add("--wavelength", texts->wavelength, "LENGTH", "Sphere", "Wavelength in vacuum, such as 650nm");
-  add("--index", texts->index, "INDEX", "Sphere",
+  texts->sphere.add_to(
+      *verb, "Sphere", "1e-6 to 5e5",
       "Refractive index: a number such as 1.333 or 1.33+1e-9i, or with --wavelength iapws, daimon-masumura, "
       "hale-querry [iapws]");
   add("--angles", texts->angles, "ANGLES", "Directions",

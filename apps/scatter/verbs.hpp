@@ -15,6 +15,7 @@ struct Context {
 };
 
 void add_mie(CLI::App& app, Context& context);
+void add_cylinder(CLI::App& app, Context& context);
 void add_phase(CLI::App& app, Context& context);
 void add_validate(CLI::App& app, Context& context);
 void add_info(CLI::App& app, Context& context);
