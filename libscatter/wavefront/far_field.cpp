@@ -1,6 +1,7 @@
 #include <scatter/compute/opencl.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
+#include <scatter/wavefront/bow_edge.hpp>
 #include <scatter/wavefront/direction_tree.hpp>
 #include <scatter/wavefront/far_field.hpp>
 #include <scatter/wavefront/layout.hpp>
@@ -16,6 +17,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 namespace scatter::wavefront {
@@ -46,10 +48,18 @@ static_assert(sizeof(Job) == 128);
 struct Candidate {
   int order, direction, mirror, unused;
 };
+/// Layout of edge_t in kernels/far_field.cl.
 struct Edge {
   double theta, sigma;
   int weights, reach;
 };
+/// Layout of end_correction_t in kernels/far_field.cl.
+struct EndCorrection {
+  std::array<double, 8> amplitude;
+  double mass, step, place, turn;
+  int first, side, skip, replaced;
+};
+static_assert(sizeof(EndCorrection) == 112);
 
 /// Weights of a symmetric kernel at 0, 1, .., reach: with both sides they add up to 1.
 template <typename Kernel>
@@ -529,7 +539,12 @@ struct Tracer::Implementation {
     return rays;
   }
 
-  using Curve = std::vector<std::array<double, 2>>;
+  struct CurvePoint {
+    double theta_deg, phi_deg;
+    double u, v; ///< of the ray
+    int azimuth; ///< number of its radius of the ray plane
+  };
+  using Curve = std::vector<CurvePoint>;
 
   /// Bow curves of the orders 0..last, all from one tracing.
   std::vector<Curve> bow_curves(const Light& light, int last) {
@@ -570,55 +585,188 @@ struct Tracer::Implementation {
           curves[order].push_back(
               {std::abs(std::remainder(vertex, 2 * pi)) / radians_per_degree,
                std::abs(std::atan2(rays.field(order, 2, ray - 1), rays.field(order, 1, ray - 1))) /
-                   radians_per_degree});
+                   radians_per_degree,
+               u[ray - 1], v[ray - 1], a});
         }
       }
     return curves;
   }
 
-  /// Edges per column for the Gaussian filter: where a bow's curve crosses the column.
-  struct Edges {
-    cl::Buffer edges, weights;
-    int per_column = 1;
+  /// The point of the next azimuth that continues a curve from `point`: nearest along the radius, and of one
+  /// bow.
+  static const CurvePoint* continuation(const Curve& curve, const CurvePoint& point, int azimuth) {
+    const CurvePoint* next = nullptr;
+    double nearest = 0.1;
+    for (const CurvePoint& other : curve) {
+      if (other.azimuth != azimuth || std::abs(other.theta_deg - point.theta_deg) > 5 ||
+          std::abs(other.phi_deg - point.phi_deg) > 20)
+        continue;
+      const double apart = std::abs(std::hypot(other.u, other.v) - std::hypot(point.u, point.v));
+      if (apart < nearest) {
+        nearest = apart;
+        next = &other;
+      }
+    }
+    return next;
+  }
+
+  /// Where a bow's curve crosses a column of the block.
+  struct Crossing {
+    int column; ///< in the block
+    double theta_deg;
+    BowEdgeSeed seed;
+    BowEdge edge;
   };
-  Edges make_edges(const Light& light, const Layout& layout, const Block& block, const Wanted& wanted) {
-    const int columns = block.end - block.first;
-    std::vector<std::vector<Edge>> found(columns);
-    std::vector<double> weights;
+  std::vector<Crossing> bow_crossings(const Light& light, const Layout& layout, const Block& block) {
+    std::vector<BowEdgeSeed> seeds;
+    std::vector<Crossing> crossings;
+    const auto add = [&](int column, double theta, const BowEdgeSeed& seed) {
+      crossings.push_back({column, theta, seed, {}});
+      seeds.push_back(seed);
+    };
     const std::vector<Curve> curves = bow_curves(light, last_order());
     for (const int order : tracing.orders) {
       if (order < 2) continue;
-      const double sigma = wanted.filter_sigma_deg * (order - 1);
       const Curve& curve = curves[order];
+      if (axisymmetric) {
+        for (const CurvePoint& point : curve)
+          add(0, point.theta_deg, {point.u, point.v, point.phi_deg, order});
+        continue;
+      }
+      for (const CurvePoint& p : curve) {
+        const CurvePoint* next = continuation(curve, p, p.azimuth + 1);
+        if (next == nullptr || continuation(curve, *next, p.azimuth) != &p) continue;
+        const CurvePoint& q = *next;
+        const auto [low, high] = std::minmax(p.phi_deg, q.phi_deg);
+        const auto first = layout.phi_deg.begin() + block.first, end = layout.phi_deg.begin() + block.end;
+        for (auto phi = std::lower_bound(first, end, low); phi != end && *phi <= high; ++phi) {
+          const double f = q.phi_deg == p.phi_deg ? 0 : (*phi - p.phi_deg) / (q.phi_deg - p.phi_deg);
+          const auto between = [f](double from, double to) { return from + f * (to - from); };
+          add(static_cast<int>(phi - first), between(p.theta_deg, q.theta_deg),
+              {between(p.u, q.u), between(p.v, q.v), *phi, order});
+        }
+      }
+    }
+    const auto edges = find_bow_edges(
+        [&](std::span<const double> u, std::span<const double> v) {
+          return trace(light, u, v, last_order());
+        },
+        seeds);
+    for (std::size_t i = 0; i < edges.size(); ++i) crossings[i].edge = edges[i];
+    // Near the axis deflection may turn without any fold, for it is counted from a pole.
+    std::erase_if(crossings, [](const Crossing& c) { return c.edge.state == BowEdge::State::none; });
+    return crossings;
+  }
+
+  /// Some records per column, filled up with empty ones, on the device.
+  template <typename Record>
+  struct PerColumn {
+    cl::Buffer records;
+    int per_column = 1;
+  };
+  template <typename Record>
+  PerColumn<Record> upload_columns(std::vector<std::vector<Record>>& columns) {
+    std::size_t most = 1;
+    for (const auto& records : columns) most = std::max(most, records.size());
+    std::vector<Record> flat;
+    for (auto& records : columns) {
+      records.resize(most, Record{});
+      flat.insert(flat.end(), records.begin(), records.end());
+    }
+    return {cl().upload(flat), static_cast<int>(most)};
+  }
+
+  /// Windows of the Gaussian filter, one per crossing.
+  struct Edges {
+    PerColumn<Edge> edges;
+    cl::Buffer weights;
+  };
+  Edges make_edges(
+      std::span<const Crossing> crossings, const Layout& layout, const Block& block, const Wanted& wanted) {
+    std::vector<std::vector<Edge>> found(block.end - block.first);
+    std::vector<double> weights;
+    for (const int order : tracing.orders) {
+      if (order < 2) continue;
+      const double sigma = wanted.filter_sigma_deg * (order - 1);
       const double step = layout.spacing_deg / sigma;
       const int at = static_cast<int>(weights.size()), reach = static_cast<int>(4 / step);
       const auto kernel =
           symmetric_weights(reach, [&](int k) { return std::exp(-0.5 * k * step * k * step); });
       weights.insert(weights.end(), kernel.begin(), kernel.end());
-      for (int column = 0; column < columns; ++column) {
-        const double phi = layout.phi_deg[block.first + column];
-        if (axisymmetric) {
-          for (const auto& point : curve) found[column].push_back({point[0], sigma, at, reach});
+      for (const Crossing& crossing : crossings)
+        if (crossing.seed.order == order)
+          found[crossing.column].push_back({crossing.theta_deg, sigma, at, reach});
+    }
+    return {upload_columns(found), cl().upload(weights)};
+  }
+
+  /// What rows miss of the energy next to an edge: intensity falls from it like x^(-1/2), and a sum over rows
+  /// depends on where they happen to fall. See "Smoothing across an edge" in papers/patches-method.md.
+  PerColumn<EndCorrection> make_end_corrections(
+      const Light& light, std::span<const Crossing> crossings, const Layout& layout, const Block& block,
+      const Wanted& wanted) {
+    const double h_deg = layout.spacing_deg, h = h_deg * radians_per_degree;
+    const double wave = 2 * tracing.shape.radius_m / light.wavelength_m;
+    const bool ruled = tracing.interference && tracing.focal_lines == FocalLines::rule;
+    const double between_rays = 2 * surface.largest_radius / tracing.rays;
+    const int rows = static_cast<int>(layout.theta_deg.size());
+    std::vector<std::vector<const Crossing*>> of_column(block.end - block.first);
+    for (const Crossing& crossing : crossings) {
+      if (crossing.edge.state != BowEdge::State::found) continue;
+      // Neighbouring segments of the curve may name one edge twice.
+      auto& others = of_column[crossing.column];
+      if (std::none_of(others.begin(), others.end(), [&](const Crossing* other) {
+            return other->seed.order == crossing.seed.order &&
+                   std::hypot(other->edge.u - crossing.edge.u, other->edge.v - crossing.edge.v) < 1e-3;
+          }))
+        others.push_back(&crossing);
+    }
+    std::vector<std::vector<EndCorrection>> corrections(of_column.size());
+    for (std::size_t column = 0; column < of_column.size(); ++column)
+      for (const Crossing* crossing : of_column[column]) {
+        const BowEdge& edge = crossing->edge;
+        // Next to the edge patches are too wide for the peak: there its law stands in for them, as long as
+        // the two sheets keep in step.
+        const double patch = 0.5 * edge.curvature * between_rays * between_rays;
+        const double turn = 4.0 / 3 * pi * wave * std::sqrt(2 / edge.curvature);
+        const double in_step = std::pow(0.5 / turn, 2.0 / 3);
+        const double replaced = std::max(std::min(6 * patch, in_step), ruled ? edge.focal_offset : 0);
+        if (replaced < 2 * patch || replaced > in_step) continue;
+        const int near = static_cast<int>(std::ceil(replaced / h));
+        // Rows that change must be smoothed entirely.
+        if (wanted.filter_sigma_deg > 0 &&
+            std::abs(edge.theta_deg - crossing->theta_deg) + (2 + near) * h_deg >
+                wanted.filter_sigma_deg * (crossing->seed.order - 1))
           continue;
-        }
-        for (std::size_t i = 0; i + 1 < curve.size(); ++i) {
-          const auto& [theta0, phi0] = curve[i];
-          const auto& [theta1, phi1] = curve[i + 1];
-          if (std::abs(theta1 - theta0) > 5 || std::abs(phi1 - phi0) > 20) continue; // another bow
-          if ((phi0 - phi) * (phi1 - phi) > 0) continue;
-          const double f = phi1 == phi0 ? 0 : (phi - phi0) / (phi1 - phi0);
-          found[column].push_back({theta0 + f * (theta1 - theta0), sigma, at, reach});
+        // Two edges of a curve that folds back share their peak; others spoil each other's rows.
+        if (std::any_of(of_column[column].begin(), of_column[column].end(), [&](const Crossing* other) {
+              const double apart = std::abs(other->edge.theta_deg - edge.theta_deg) / h_deg;
+              return other != crossing && apart < near + (other->seed.order == crossing->seed.order ? 8 : 4);
+            }))
+          continue;
+        for (int first = 0; first < rows; first = layout.segment_end[first]) {
+          const int end = layout.segment_end[first];
+          const double place = (edge.theta_deg - layout.theta_deg[first]) / h_deg;
+          if (!(place >= near + 6 && place <= end - first - near - 7)) continue;
+          EndCorrection c{};
+          c.side = edge.side;
+          c.first = first + static_cast<int>(edge.side > 0 ? std::ceil(place) : std::floor(place));
+          const double alpha = std::abs(c.first - first - place);
+          c.place = alpha;
+          c.step = h;
+          c.turn = ruled ? turn : 0;
+          c.skip = alpha < 0.25 ? 1 : 0;
+          c.replaced = std::max(0, static_cast<int>(std::ceil(replaced / h - alpha)));
+          c.mass = -hurwitz_zeta_half(alpha + c.skip) / std::sqrt(h);
+          const auto& [S1, S2, S3, S4] = edge.amplitude;
+          // Without the rule for focal lines both sheets leave the edge in phase.
+          const double factor = tracing.interference && !ruled ? std::numbers::sqrt2 : 1;
+          c.amplitude = {factor * S1.real(), factor * S1.imag(), factor * S2.real(), factor * S2.imag(),
+                         factor * S3.real(), factor * S3.imag(), factor * S4.real(), factor * S4.imag()};
+          corrections[column].push_back(c);
         }
       }
-    }
-    std::size_t most = 1;
-    for (const auto& edges : found) most = std::max(most, edges.size());
-    std::vector<Edge> flat;
-    for (auto& edges : found) {
-      edges.resize(most, {0, 0, 0, 0});
-      flat.insert(flat.end(), edges.begin(), edges.end());
-    }
-    return {cl().upload(flat), cl().upload(weights), static_cast<int>(most)};
+    return upload_columns(corrections);
   }
 
   /// A buffer kept from one use to the next, so that its pages are touched once.
@@ -708,11 +856,19 @@ struct Tracer::Implementation {
         elements, scale, kept(run.table, size));
     pass.clean = block.end - block.first == run.cut.columns;
     cl::Buffer table = run.table;
+    std::vector<Crossing> crossings;
+    if (wanted.filter_sigma_deg > 0 || wanted.sun_disc_deg > 0) {
+      crossings = bow_crossings(light, run.layout, block);
+      const auto corrections = make_end_corrections(light, crossings, run.layout, block, wanted);
+      over_columns(
+          code, "correct_ends", block, table, rows, elements, block.sin_phi, scale, corrections.records,
+          corrections.per_column);
+    }
     if (wanted.filter_sigma_deg > 0) {
-      const Edges edges = make_edges(light, run.layout, block, wanted);
+      const Edges edges = make_edges(crossings, run.layout, block, wanted);
       over_columns(
           code, "smooth_edges", block, table, kept(run.smooth, size), rows, elements, run.theta,
-          run.segment_first, run.segment_end, edges.edges, edges.per_column, edges.weights);
+          run.segment_first, run.segment_end, edges.edges.records, edges.edges.per_column, edges.weights);
       table = run.smooth;
     }
     if (wanted.sun_disc_deg > 0) {
@@ -817,7 +973,12 @@ Tracer::trace(const Light& light, std::span<const double> u, std::span<const dou
 }
 
 std::vector<std::array<double, 2>> Tracer::bow_curve(const Light& light, int order) {
-  return guarded([&] { return implementation_->bow_curves(light, order).at(order); });
+  return guarded([&] {
+    std::vector<std::array<double, 2>> curve;
+    const auto curves = implementation_->bow_curves(light, order);
+    for (const auto& point : curves.at(order)) curve.push_back({point.theta_deg, point.phi_deg});
+    return curve;
+  });
 }
 
 double Tracer::shadow_area() const {

@@ -179,6 +179,55 @@ kernel void smooth_edges(global const double* in, global double* out, int rows, 
   }
 }
 
+// Intensity next to an edge is |amplitude|^2 / sqrt(x). On the bright side lie rows first, first + side, .. at
+// x = (place + k) step. The first `replaced` of them take that law's value; the very first is left out where `skip`: too
+// close to the edge. The sum over rows then misses `mass` of the law, in units of one row. Empty where mass = 0.
+typedef struct {
+  double amplitude[8];
+  double mass, step, place, turn;
+  int first, side, skip, replaced;
+} end_correction_t;
+
+FORCE_INLINE double edge_law(double x, double turn) { return (1.0 + sin(turn * x * sqrt(x))) / sqrt(x); }
+
+FORCE_INLINE double16 load_elements(global const double* table, int row, int elements) {
+  return elements == 16 ? vload16(row, table) : (double16)(table[row]);
+}
+FORCE_INLINE void store_elements(double16 value, global double* table, int row, int elements) {
+  if (elements == 16) vstore16(value, row, table);
+  else table[row] = value.s0;
+}
+
+// Puts what rows miss at an edge onto the two rows around it, for filters to spread.
+kernel void correct_ends(global double* table, int rows, int elements, global const double* sin_phi, double scale,
+                         global const end_correction_t* corrections, int per_column) {
+  const size_t column = get_global_id(0);
+  global double* to = table + column * rows * elements;
+  for (int n = 0; n < per_column; ++n) {
+    global const end_correction_t* c = corrections + column * per_column + n;
+    if (c->mass == 0.0) continue;
+    const double16 peak = scale * uncoupled_matrix(
+        mueller(c->amplitude[0], c->amplitude[1], c->amplitude[2], c->amplitude[3], c->amplitude[4],
+                c->amplitude[5], c->amplitude[6], c->amplitude[7]), sin_phi[column]);
+    const int dark = c->first - c->side;
+    const double16 behind = load_elements(to, dark, elements);
+    // Rows that look nothing like the law have met something else.
+    double bright = 0.0, expected = 0.0;
+    const int kept = max(c->replaced, c->skip);
+    for (int k = kept; k < kept + 4; ++k) {
+      bright += to[(c->first + k * c->side) * elements] - behind.s0;
+      expected += peak.s0 * edge_law((c->place + k) * c->step, c->turn);
+    }
+    if (!(bright > 0.4 * expected && bright < 2.5 * expected)) continue;
+    if (c->skip) store_elements(behind, to, c->first, elements);
+    for (int k = c->skip; k < c->replaced; ++k)
+      store_elements(behind + peak * edge_law((c->place + k) * c->step, c->turn), to, c->first + k * c->side, elements);
+    const double16 mass = c->mass * peak, bright_row = load_elements(to, c->first, elements);
+    store_elements(bright_row + (1.0 - c->place) * mass, to, c->first, elements);
+    store_elements(behind + c->place * mass, to, dark, elements);
+  }
+}
+
 // The same kernel for every row: the average over the sun's disc, across the scattering angle only.
 kernel void average_disc(global const double* in, global double* out, int rows, int elements,
                          global const int* stretch_first, global const int* stretch_end, global const double* weights,
