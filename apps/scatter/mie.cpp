@@ -1,3 +1,4 @@
+#include "mie_average.hpp"
 #include "verbs.hpp"
 #include <scatter/exact/mie.hpp>
 #include <scatter/optics/errors.hpp>
@@ -252,7 +253,16 @@ void add_mie(CLI::App& app, Context& context) {
   verb->footer(
       "Amplitudes follow Bohren & Huffman (time factor exp(-i omega t)); efficiencies are over pi radius^2.\n"
       "Example: scatter mie --radius 0.4mm --wavelength 650nm --angles 137:143:0.1deg --output bow.csv");
-  verb->callback([texts, &context] { run(*texts, context); });
+  const auto average = std::make_shared<AverageTexts>();
+  add_average_options(*verb, *average);
+  verb->callback([texts, average, &context] {
+    if (!average->wanted()) return run(*texts, context);
+    run_average(
+        *average,
+        {texts->size_parameter, texts->radius, texts->wavelength, texts->index, texts->orders, texts->angles,
+         texts->output, texts->threads},
+        context);
+  });
 }
 
 } // namespace scatter::app
