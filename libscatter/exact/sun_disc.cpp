@@ -34,18 +34,39 @@ double half_arc(double t, double c, double r) {
 }
 
 struct Node {
-  double theta = 0, weight = 0; ///< rad; weights not yet normalised
+  double theta = 0, weight = 0; ///< [rad]; weights of a disc are not yet normalised
 };
 
-/// Nodes of the mean over the disc; c in [0, pi/2].
-std::vector<Node> disc_rule(double c, double r, int count) {
+/// Gauss-Legendre nodes and weights on [0, pi].
+std::vector<Node> gauss_legendre(int count) {
+  std::vector<Node> nodes;
+  for (int i = 1; i <= count; ++i) {
+    double z = std::cos(pi * (i - 0.25) / (count + 0.5)), slope = 0;
+    for (int iteration = 0; iteration < 10; ++iteration) {
+      double before = 1, value = z;
+      for (int n = 2; n <= count; ++n) {
+        const double next = ((2 * n - 1) * z * value - (n - 1) * before) / n;
+        before = value;
+        value = next;
+      }
+      slope = count * (before - z * value) / (1 - z * z);
+      const double step = value / slope;
+      z -= step;
+      if (std::abs(step) < 1e-15) break;
+    }
+    nodes.push_back({pi / 2 * (1 + z), pi / ((1 - z * z) * slope * slope)});
+  }
+  return nodes;
+}
+
+/// Nodes of the mean over the disc; c in [0, pi/2]; alpha: a rule on [0, pi].
+std::vector<Node> disc_rule(double c, double r, const std::vector<Node>& alpha) {
   std::vector<Node> nodes;
   const auto part = [&](double low, double high) {
     if (!(high > low)) return;
-    for (int k = 0; k < count; ++k) {
-      const double alpha = pi * (k + 0.5) / count;
-      const double t = (low + high) / 2 - (high - low) / 2 * std::cos(alpha);
-      const double weight = half_arc(t, c, r) * std::sin(t) * std::sin(alpha) * (high - low) / 2;
+    for (const Node& a : alpha) {
+      const double t = (low + high) / 2 - (high - low) / 2 * std::cos(a.theta);
+      const double weight = a.weight * half_arc(t, c, r) * std::sin(t) * std::sin(a.theta) * (high - low) / 2;
       if (weight > 0) nodes.push_back({t, weight});
     }
   };
@@ -60,19 +81,22 @@ struct Stretch {
   std::vector<double> weight;
 };
 
-Stretch stretch(double theta_deg, double diameter_deg, double step_deg) {
+/// How many nodes the rule needs to see all that a grid of this step can hold.
+int node_count(double diameter_deg, double step_deg) {
+  return 32 + static_cast<int>(std::ceil(pi * diameter_deg / step_deg));
+}
+
+Stretch stretch(double theta_deg, double diameter_deg, double step_deg, const std::vector<Node>& rule) {
   const bool backward = theta_deg > 90;
   const double c = (backward ? 180 - theta_deg : theta_deg) * radians_per_degree;
   const double r = diameter_deg / 2 * radians_per_degree, step = step_deg * radians_per_degree;
-  // The grid's own shortest period (two steps) is turned into the rule's.
-  const int count = 48 + static_cast<int>(std::ceil(2 * pi * r / step));
   const long half_turn = std::lround(180 / step_deg);
   const double lowest = std::max(c - r, 0.0), highest = c + r;
   const long first = static_cast<long>(std::floor(lowest / step)) - stencil / 2;
   const long last = static_cast<long>(std::ceil(highest / step)) + stencil / 2;
   std::vector<double> weight(static_cast<std::size_t>(last - first + 1));
   double sum = 0;
-  for (const Node& node : disc_rule(c, r, count)) {
+  for (const Node& node : disc_rule(c, r, rule)) {
     const double at = node.theta / step;
     const long from = static_cast<long>(std::floor(at)) - (stencil / 2 - 1);
     const auto share = lagrange(at - static_cast<double>(from));
@@ -128,19 +152,21 @@ SunDisc::SunDisc(std::span<const double> theta_deg, double diameter_deg, int lev
     for (std::size_t i = first; i <= last; ++i) used[i] = true;
   };
   std::vector<std::size_t> fine_first, coarse_first;
+  const auto fine_rule = gauss_legendre(node_count(diameter_deg, step)),
+             coarse_rule = gauss_legendre(node_count(diameter_deg, 2 * step));
   for (const double centre : theta_deg) {
     if (!(centre >= 0 && centre <= 180)) {
       std::ostringstream message;
       message << "scattering angle " << centre << " deg is outside 0..180 deg";
       throw InputError(message.str());
     }
-    const Stretch fine = stretch(centre, diameter_deg, step);
+    const Stretch fine = stretch(centre, diameter_deg, step, fine_rule);
     fine_first.push_back(static_cast<std::size_t>(fine.first));
     fine_.push_back({0, fine_weight_.size(), fine.weight.size()});
     fine_weight_.insert(fine_weight_.end(), fine.weight.begin(), fine.weight.end());
     mark(fine_first.back(), fine_first.back() + fine.weight.size() - 1);
     if (!coarse_check) continue;
-    const Stretch coarse = stretch(centre, diameter_deg, 2 * step);
+    const Stretch coarse = stretch(centre, diameter_deg, 2 * step, coarse_rule);
     coarse_first.push_back(2 * static_cast<std::size_t>(coarse.first));
     coarse_.push_back({0, coarse_weight_.size(), coarse.weight.size()});
     coarse_weight_.insert(coarse_weight_.end(), coarse.weight.begin(), coarse.weight.end());

@@ -20,9 +20,9 @@ inline constexpr double sun_diameter_deg = 0.533;
 ///
 /// Method: a cone of half-angle t about the forward direction cuts the disc in an arc of 2 psi(t), so the
 /// mean is the integral of f(t) 2 psi(t) sin t dt over the disc's solid angle, with psi from the half-angle
-/// formula of the spherical triangle; t = middle + half cos(alpha) makes it smooth and periodic in alpha for
-/// the midpoint rule. Values of f at the rule's nodes come from the grid by 12-point Lagrange interpolation,
-/// f being even about 0 and 180 deg.
+/// formula of the spherical triangle; t = middle - half cos(alpha) makes it smooth in alpha for
+/// Gauss-Legendre's rule. Values of f at the rule's nodes come from the grid by 12-point Lagrange
+/// interpolation, f being even about 0 and 180 deg.
 class SunDisc {
 public:
   /// theta_deg: centres, [0, 180], any order. The grid's step is 2.8125 deg / 2^level. coarse_check: apply()
