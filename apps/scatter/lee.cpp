@@ -15,6 +15,7 @@
 #include <scatter/optics/units.hpp>
 #include <scatter/scene/colour.hpp>
 #include <scatter/scene/plot.hpp>
+#include <scatter/table/atomic_file.hpp>
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -114,15 +115,16 @@ Lee parse(const LeeTexts& texts) {
     throw InputError(
         "--sun-disc: " + quote(texts.sun_disc) +
         " is outside 0.01deg..60deg; the sun's diameter seen from the Earth is 0.533deg");
-  lee.wavelength_m = read("--wavelengths", texts.wavelengths, parse_lengths);
+  lee.wavelength_m = read("--sample-wavelengths", texts.wavelengths, parse_lengths);
   if (lee.wavelength_m.size() > 2000)
-    throw InputError(fmt::format("--wavelengths: {} are too many; use up to 2000", lee.wavelength_m.size()));
+    throw InputError(
+        fmt::format("--sample-wavelengths: {} are too many; use up to 2000", lee.wavelength_m.size()));
   const IndexSource source = read("--index", texts.index, parse_index_source);
   for (const double wavelength : lee.wavelength_m) {
     try {
       lee.index.push_back(refractive_index(source, wavelength));
     } catch (const InputError& error) {
-      throw InputError(std::string("--wavelengths: ") + error.what());
+      throw InputError(std::string("--sample-wavelengths: ") + error.what());
     }
     if (lee.index.back() == 1.0)
       throw InputError("--index: index 1 is no sphere: nothing is scattered; use an index other than 1");
@@ -322,6 +324,12 @@ void add_lee_options(CLI::App& verb, LeeTexts& texts) {
 void run_lee(const LeeTexts& texts, double exposure, const std::string& output) {
   static_cast<void>(scene::picture_format(output));
   const Lee lee = parse(texts);
+  if (!std::isfinite(exposure) || std::abs(exposure) > 50)
+    throw InputError(fmt::format("--exposure {}: give stops between -50 and 50", exposure));
+  {
+    // A folder that is not there is told at once.
+    const table::PartFile probe(output);
+  }
   Painter painter(lee);
   const auto start = std::chrono::steady_clock::now();
   std::vector<std::vector<scene::LinearRgb>> columns(lee.columns);
