@@ -77,9 +77,11 @@ struct Average {
 /// few are asked for); plus what the spheres' own estimates and the sun's disc say. In tests against direct
 /// quadrature it stayed above the error.
 ///
-/// Cost: spheres x (partial waves x angles); resolving the ripple of a distribution takes about two spheres
-/// per unit of size parameter that it spans, 1 % without resolving it several thousand. With a sun's disc
-/// the angles are those of a grid fine enough for the largest ripple of each sphere (SunDisc).
+/// Cost: spheres x (coefficients + partial waves x angles). Transparent spheres have resonances far narrower
+/// than the ripple, which the error at the worst angle (near 90 and 180 deg) must wait for: a log-normal of
+/// median 5 um and sigma 1.2 at 600 nm (x up to 156) takes 3e3 spheres for 2 % at every angle of 0:180:1deg,
+/// 1.2e4 for 0.7 %, 5e4 for 0.2 %; cross sections and g are then good to 1e-4. With a sun's disc the angles
+/// are those of a grid fine enough for the largest ripple of each sphere (SunDisc).
 ///
 /// Throws InputError for empty or impossible radii, bands, angles, tolerance outside [1e-10, 1], size
 /// parameters outside what mie() takes, and what index and SunDisc throw.
