@@ -85,7 +85,7 @@ std::string json_text(
   json["error_estimate"] = result.error_estimate;
   json["method"] = "Lorenz-Mie, infinite cylinder";
   json["seconds"] = seconds;
-  return finish_json(std::move(json), request.body, command);
+  return finish_json(std::move(json), request.body.constants(), command);
 }
 
 std::string csv_text(
@@ -97,7 +97,7 @@ std::string csv_text(
   add("# Scattering by an infinite circular cylinder; amplitudes of Bohren & Huffman 8.34, time factor "
       "exp(-i omega "
       "t)\n");
-  add("{}", csv_provenance(request.body, seconds, command));
+  add("{}", csv_provenance(request.body.constants(), seconds, command));
   add("# x: {}\n# m: {} {}\n# tilt_deg: {}\n", result.size_parameter, result.index.real(),
       result.index.imag(), result.tilt_deg);
   const auto by_case = [&](const char* name, const exact::ByCase& values) {

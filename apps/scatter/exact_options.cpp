@@ -36,8 +36,8 @@ void BodyTexts::add_to(
   add("--index", index, "INDEX", index_help);
 }
 
-std::vector<std::pair<std::string, std::string>> Body::constants() const {
-  std::vector<std::pair<std::string, std::string>> constants{{"index", index_source}};
+Constants Body::constants() const {
+  Constants constants{{"index", index_source}};
   if (radius_m) constants.emplace_back("radius_m", fmt::format("{}", *radius_m));
   if (wavelength_m) constants.emplace_back("wavelength_m", fmt::format("{}", *wavelength_m));
   return constants;
@@ -105,27 +105,27 @@ nlohmann::ordered_json complex_pairs(const std::vector<std::complex<double>>& va
   return list;
 }
 
-std::string finish_json(nlohmann::ordered_json json, const Body& body, const std::string& command) {
-  auto constants = nlohmann::ordered_json::array();
-  for (const auto& [name, value] : body.constants()) constants.push_back({{"name", name}, {"value", value}});
+std::string finish_json(nlohmann::ordered_json json, const Constants& constants, const std::string& command) {
+  auto list = nlohmann::ordered_json::array();
+  for (const auto& [name, value] : constants) list.push_back({{"name", name}, {"value", value}});
   json["provenance"] = {
       {"command", command},
       {"version", version()},
       {"device", "host"},
       {"created", now()},
-      {"constants", constants}};
+      {"constants", list}};
   // A command line may hold bytes that are no UTF-8.
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-std::string csv_provenance(const Body& body, double seconds, const std::string& command) {
+std::string csv_provenance(const Constants& constants, double seconds, const std::string& command) {
   std::string one_line = command;
   for (char& c : one_line)
     if (c == '\n' || c == '\r') c = ' ';
   std::string text = fmt::format(
       "# command: {}\n# version: scatter {}\n# created: {}\n# seconds: {}\n", one_line, version(), now(),
       seconds);
-  for (const auto& [name, value] : body.constants()) text += fmt::format("# {}: {}\n", name, value);
+  for (const auto& [name, value] : constants) text += fmt::format("# {}: {}\n", name, value);
   return text;
 }
 

@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
-/// What the verbs with exact solutions, `mie` and `cylinder`, share: size and index as typed, and files in
-/// JSON and CSV.
+/// What the verbs with exact solutions, `mie` with its averages and `cylinder`, share: size and index as
+/// typed, and files in JSON and CSV.
 namespace scatter::app {
 
 /// Reads one option's text; whatever is wrong with it then names the option.
@@ -37,13 +37,16 @@ struct BodyTexts {
       const std::string& index_help);
 };
 
+/// Names and values of what a result was computed from.
+using Constants = std::vector<std::pair<std::string, std::string>>;
+
 struct Body {
   double size_parameter = 0;
   std::complex<double> index;
   std::string index_source;
   std::optional<double> radius_m, wavelength_m;
   /// Of the index, radius and wavelength, for provenance.
-  [[nodiscard]] std::vector<std::pair<std::string, std::string>> constants() const;
+  [[nodiscard]] Constants constants() const;
 };
 
 /// water: an index that is not given is water's at the wavelength. Throws InputError that names the option.
@@ -67,9 +70,10 @@ private:
 
 /// Adds "provenance" and writes one line.
 [[nodiscard]] std::string
-finish_json(nlohmann::ordered_json json, const Body& body, const std::string& command);
+finish_json(nlohmann::ordered_json json, const Constants& constants, const std::string& command);
 
 /// The comment lines that say what made a CSV file.
-[[nodiscard]] std::string csv_provenance(const Body& body, double seconds, const std::string& command);
+[[nodiscard]] std::string
+csv_provenance(const Constants& constants, double seconds, const std::string& command);
 
 } // namespace scatter::app

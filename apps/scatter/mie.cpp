@@ -1,4 +1,5 @@
 #include "exact_options.hpp"
+#include "mie_average.hpp"
 #include "verbs.hpp"
 #include <scatter/exact/debye.hpp>
 #include <scatter/exact/mie.hpp>
@@ -97,7 +98,7 @@ std::string json_text(const Request& request, const Answer& answer, const std::s
   json["error_estimate"] = result.error_estimate;
   json["method"] = answer.debye ? "Lorenz-Mie, Debye series" : "Lorenz-Mie";
   json["seconds"] = answer.seconds;
-  return finish_json(std::move(json), request.sphere, command);
+  return finish_json(std::move(json), request.sphere.constants(), command);
 }
 
 std::string csv_text(const Request& request, const Answer& answer, const std::string& command) {
@@ -113,7 +114,7 @@ std::string csv_text(const Request& request, const Answer& answer, const std::st
     fmt::format_to(std::back_inserter(text), format, std::forward<Values>(values)...);
   };
   add("# Lorenz-Mie scattering by a sphere; amplitudes of Bohren & Huffman, time factor exp(-i omega t)\n");
-  add("{}", csv_provenance(request.sphere, answer.seconds, command));
+  add("{}", csv_provenance(request.sphere.constants(), answer.seconds, command));
   add("# x: {}\n# m: {} {}\n", result.size_parameter, result.index.real(), result.index.imag());
   add("# Qext: {}\n# Qsca: {}\n# Qabs: {}\n# Qback: {}\n# g: {}\n", result.Qext, result.Qsca, result.Qabs,
       result.Qback, result.g);
@@ -191,7 +192,13 @@ void add_mie(CLI::App& app, Context& context) {
   verb->footer(
       "Amplitudes follow Bohren & Huffman (time factor exp(-i omega t)); efficiencies are over pi radius^2.\n"
       "Example: scatter mie --radius 0.4mm --wavelength 650nm --angles 137:143:0.1deg --output bow.csv");
-  verb->callback([texts, &context] { run(*texts, context); });
+  const auto average = std::make_shared<AverageTexts>();
+  add_average_options(*verb, *average);
+  verb->callback([texts, average, &context] {
+    if (!average->wanted()) return run(*texts, context);
+    run_average(
+        *average, {texts->sphere, texts->orders, texts->angles, texts->output, texts->threads}, context);
+  });
 }
 
 } // namespace scatter::app

@@ -1,3 +1,4 @@
+#include "lee.hpp"
 #include "verbs.hpp"
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
@@ -271,13 +272,28 @@ void run(const Texts& texts) {
   scene::write_plot(texts.output, plot);
 }
 
+/// A table and a Lee diagram have nothing to say to each other's options.
+void refuse_mixed(const CLI::App& verb, bool lee) {
+  for (const CLI::Option* const option : verb.get_options()) {
+    if (option->count() == 0 || option->get_name() == "--lee") continue;
+    const std::string name = option->get_name();
+    const bool shared = name == "--output" || name == "--exposure" || name == "--verbose";
+    const bool of_lee = option->get_group() == "Lee diagram";
+    if (lee && !shared && !of_lee)
+      throw InputError(name + ": a Lee diagram is computed, not read from a table; leave it out");
+    if (!lee && of_lee) throw InputError(name + ": belongs to a Lee diagram; add --lee");
+  }
+  if (!lee && verb.count("FILE") == 0)
+    throw InputError("FILE is missing: name a table made by scatter phase, or use --lee");
+}
+
 } // namespace
 
 void add_plot(CLI::App& app, Context&) {
   CLI::App* const verb =
       app.add_subcommand("plot", "Draw a table: curves, and the colours that one would see");
   const auto texts = std::make_shared<Texts>();
-  verb->add_option("FILE", texts->file, "Table made by scatter phase: .nc, .exr or .json")->required();
+  verb->add_option("FILE", texts->file, "Table made by scatter phase: .nc, .exr or .json; none with --lee");
   verb->add_option("--output", texts->output, "Picture to write: .png or .svg")
       ->type_name("PICTURE")
       ->required();
@@ -302,7 +318,13 @@ void add_plot(CLI::App& app, Context&) {
       "matrix one\n"
       "strip each for light polarised perpendicular and parallel to the scattering plane, and for both.\n"
       "Example: scatter plot bow.nc --from 120 --to 150 --output bow.png");
-  verb->callback([texts] { run(*texts); });
+  const auto lee = std::make_shared<LeeTexts>();
+  add_lee_options(*verb, *lee);
+  verb->callback([texts, lee, verb] {
+    refuse_mixed(*verb, lee->wanted);
+    if (lee->wanted) return run_lee(*lee, texts->exposure, texts->output);
+    run(*texts);
+  });
 }
 
 } // namespace scatter::app

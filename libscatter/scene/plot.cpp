@@ -178,6 +178,27 @@ struct Script {
   }
 };
 
+void set_terminal(Script& s, PictureFormat format, int width, int height) {
+  if (format == PictureFormat::png)
+    s.line(
+        "set terminal pngcairo enhanced size {},{} font '{},11' background '#ffffff'", width, height, font);
+  else
+    s.line(
+        "set terminal svg enhanced standalone size {},{} dynamic font '{},14' background '#ffffff'", width,
+        height, font);
+  s.line("set encoding utf8");
+}
+
+std::string finished_picture(const std::string& script, PictureFormat format) {
+  std::string picture = run_gnuplot(script);
+  const std::string_view end =
+      format == PictureFormat::png ? std::string_view("IEND\xAE\x42\x60\x82", 8) : "</svg>";
+  const auto last = picture.find_last_not_of(format == PictureFormat::png ? "" : " \r\n\t");
+  if (last == std::string::npos || !std::string_view(picture).substr(0, last + 1).ends_with(end))
+    throw RunError("gnuplot failed: its picture is cut off");
+  return picture;
+}
+
 void check(const Plot& plot) {
   if (plot.curves.empty()) throw std::invalid_argument("a plot needs at least one curve");
   for (const Curve& curve : plot.curves) {
@@ -236,15 +257,7 @@ std::string draw(const Plot& plot, PictureFormat format) {
   const auto up = [&](int px) { return 1 - static_cast<double>(px) / plot.height; };
 
   Script s;
-  if (format == PictureFormat::png)
-    s.line(
-        "set terminal pngcairo enhanced size {},{} font '{},11' background '#ffffff'", plot.width,
-        plot.height, font);
-  else
-    s.line(
-        "set terminal svg enhanced standalone size {},{} dynamic font '{},14' background '#ffffff'",
-        plot.width, plot.height, font);
-  s.line("set encoding utf8");
+  set_terminal(s, format, plot.width, plot.height);
   s.line("set datafile missing 'nan'");
   s.line("set multiplot");
   s.line("set lmargin at screen {}", across(left));
@@ -368,22 +381,98 @@ std::string draw(const Plot& plot, PictureFormat format) {
   s.line("{}", command);
   s.line("unset multiplot");
 
-  std::string picture = run_gnuplot(s.text);
-  const std::string_view end =
-      format == PictureFormat::png ? std::string_view("IEND\xAE\x42\x60\x82", 8) : "</svg>";
-  const auto last = picture.find_last_not_of(format == PictureFormat::png ? "" : " \r\n\t");
-  if (last == std::string::npos || !std::string_view(picture).substr(0, last + 1).ends_with(end))
-    throw RunError("gnuplot failed: its picture is cut off");
-  return picture;
+  return finished_picture(s.text, format);
 }
 
-void write_plot(const std::filesystem::path& path, const Plot& plot) {
+std::string draw(const ColourImage& image, PictureFormat format) {
+  if (image.columns < 1 || image.rows < 1 ||
+      image.pixels.size() != static_cast<std::size_t>(image.columns) * static_cast<std::size_t>(image.rows))
+    throw std::invalid_argument("an image needs columns x rows pixels");
+  if (!(image.x_last > image.x_first && image.y_last > image.y_first) ||
+      (image.log_x && !(image.x_first > 0)))
+    throw std::invalid_argument("an axis of an image has no extent");
+  constexpr int left = 78, right = 26, bottom = 62;
+  const int top = image.title.empty() ? 16 : 44;
+  const int width = left + image.columns + right, height = top + image.rows + bottom;
+  const auto across = [&](int px) { return static_cast<double>(px) / width; };
+  const auto up = [&](int px) { return 1 - static_cast<double>(px) / height; };
+
+  // The axis is linear for gnuplot, whose images do not bend: a logarithmic one is made of its labels.
+  const auto place = [&](double x) { return image.log_x ? std::log10(x) : x; };
+  const double x_first = place(image.x_first), x_last = place(image.x_last);
+  Script s;
+  set_terminal(s, format, width, height);
+  s.line("set lmargin at screen {}", across(left));
+  s.line("set rmargin at screen {}", across(left + image.columns));
+  s.line("set tmargin at screen {}", up(top));
+  s.line("set bmargin at screen {}", up(top + image.rows));
+  s.line("set xrange [{}:{}]\nset yrange [{}:{}]", x_first, x_last, image.y_first, image.y_last);
+  s.line("$image << END");
+  const double column = (x_last - x_first) / image.columns, row = (image.y_last - image.y_first) / image.rows;
+  for (int j = 0; j < image.rows; ++j)
+    for (int i = 0; i < image.columns; ++i) {
+      const auto& [r, g, b] = image.pixels
+                                  [static_cast<std::size_t>(j) * static_cast<std::size_t>(image.columns) +
+                                   static_cast<std::size_t>(i)];
+      s.line(
+          "{:.10g} {:.10g} {} {} {}", x_first + (i + 0.5) * column, image.y_first + (j + 0.5) * row, r, g, b);
+    }
+  s.line("END");
+  if (!image.title.empty())
+    s.line(
+        "set label 2 {} at screen {},{} center noenhanced font '{},{}'", quoted(image.title),
+        across(width / 2), up(22), font, format == PictureFormat::png ? 12 : 16);
+  s.line(
+      "set label 4 {} at screen {},{} center noenhanced", quoted(image.x_label),
+      across(left + image.columns / 2), up(height - 13));
+  s.line(
+      "set label 3 {} at screen {},{} center rotate noenhanced", quoted(image.y_label), across(18),
+      up(top + image.rows / 2));
+  s.line("set border 15 lc rgb '#444444' lw 1\nunset key");
+  s.line("set tics nomirror out front tc rgb '#222222'");
+  if (image.log_x) {
+    std::string tics;
+    const auto add = [&](double x, bool labelled) {
+      if (x < image.x_first * (1 - 1e-9) || x > image.x_last * (1 + 1e-9)) return;
+      tics += fmt::format(
+          "{}'{}' {} {}", tics.empty() ? "" : ",", labelled ? fmt::format("{:.6g}", x) : "", place(x),
+          labelled ? 0 : 1);
+    };
+    // 1, 2, 5 have labels; over less than half a decade all digits have.
+    const bool all = x_last - x_first < 0.5;
+    for (int power = static_cast<int>(std::floor(x_first)); power <= std::ceil(x_last); ++power)
+      for (int digit = 1; digit <= 9; ++digit)
+        add(digit * std::pow(10, power), all || digit == 1 || digit == 2 || digit == 5);
+    s.line("set xtics ({}) offset 0,0.3", tics);
+  } else {
+    s.line("set xtics {} offset 0,0.3", tick_step(x_last - x_first));
+  }
+  s.line("set ytics {}", tick_step(image.y_last - image.y_first));
+  s.line("set mytics");
+  s.line("plot $image using 1:2:3:4:5 with rgbimage notitle");
+  return finished_picture(s.text, format);
+}
+
+namespace {
+
+template <typename Picture>
+void write(const std::filesystem::path& path, const Picture& picture) {
   const PictureFormat format = picture_format(path);
   table::PartFile file(path);
   table::FileWriter out(file.descriptor(), path.string());
-  out.write(draw(plot, format));
+  out.write(draw(picture, format));
   out.flush();
   file.commit();
+}
+
+} // namespace
+
+void write_plot(const std::filesystem::path& path, const Plot& plot) {
+  write(path, plot);
+}
+
+void write_plot(const std::filesystem::path& path, const ColourImage& image) {
+  write(path, image);
 }
 
 } // namespace scatter::scene

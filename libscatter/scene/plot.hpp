@@ -38,6 +38,16 @@ struct Plot {
   int width = 1000, height = 640; ///< pixels
 };
 
+/// A picture of colours with axes, one pixel of the drawing per colour.
+struct ColourImage {
+  std::string title{}, x_label{}, y_label{};
+  double x_first = 0, x_last = 1; ///< at the left and right edge, increasing
+  double y_first = 0, y_last = 1; ///< at the bottom and the top
+  bool log_x = false;             ///< then 0 < x_first, and columns are evenly spaced in log x
+  int columns = 0, rows = 0;
+  std::vector<std::array<std::uint8_t, 3>> pixels{}; ///< sRGB, [row][column], row 0 at the bottom
+};
+
 enum class PictureFormat { png, svg };
 
 /// By extension, .png or .svg; throws InputError that lists them.
@@ -49,7 +59,11 @@ enum class PictureFormat { png, svg };
 /// not installed or fails.
 [[nodiscard]] std::string draw(const Plot& plot, PictureFormat format);
 
+/// Throws std::invalid_argument for another number of pixels than columns x rows, or an axis without extent.
+[[nodiscard]] std::string draw(const ColourImage& image, PictureFormat format);
+
 /// draw() into a file that appears whole or not at all. Throws as draw() and table::PartFile do.
 void write_plot(const std::filesystem::path& path, const Plot& plot);
+void write_plot(const std::filesystem::path& path, const ColourImage& image);
 
 } // namespace scatter::scene

@@ -216,4 +216,76 @@ TEST(BadMachine, WithoutOpenClIsRefusedInOneLine) {
   EXPECT_THAT(outcome.errors, HasSubstr("OpenCL"));
 }
 
+/// A `scatter mie` for water drops of 10 um at 650 nm in the sun, with more options.
+std::vector<std::string> average(std::vector<std::string> more, bool radius = true, bool wavelength = true) {
+  std::vector<std::string> arguments{"mie", "--angles", "138"};
+  if (radius) arguments.insert(arguments.end(), {"--radius", "10um"});
+  if (wavelength) arguments.insert(arguments.end(), {"--wavelength", "650nm"});
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+std::vector<std::string> sizes(const std::string& distribution) {
+  return average({"--distribution", distribution}, false);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Averages, BadInput,
+    testing::Values(
+        Case{"DistributionUnknown", sizes("poisson:mean=3"), {"--distribution", "poisson", "lognormal:"}},
+        Case{"DistributionEmpty", sizes(""), {"--distribution", "lognormal:"}},
+        Case{"MedianMissing", sizes("lognormal:sigma=1.3"), {"--distribution", "median is missing"}},
+        Case{"MedianWithoutUnit", sizes("lognormal:median=10,sigma=1.3"), {"median", "\"10\" has no unit"}},
+        Case{"SigmaOfOne", sizes("lognormal:median=10um,sigma=1"), {"sigma 1", "geometric"}},
+        Case{"SigmaNaN", sizes("lognormal:median=10um,sigma=nan"), {"sigma", "nan"}},
+        Case{"PartTwice", sizes("lognormal:median=1um,median=2um,sigma=2"), {"\"median\" is given twice"}},
+        Case{"PartUnknown", sizes("lognormal:median=1um,sigma=2,tail=3"), {"unknown name \"tail\""}},
+        Case{"PartWithoutValue", sizes("lognormal:median"), {"\"median\" is no name=value"}},
+        Case{"MuTooSmall", sizes("gamma:mu=-1,lambda=3/mm"), {"mu -1", "above -1"}},
+        Case{"LambdaWithoutUnit", sizes("gamma:mu=1,lambda=3"), {"lambda", "3/mm"}},
+        Case{"LambdaNegative", sizes("gamma:mu=1,lambda=-3/mm"), {"lambda", "not positive"}},
+        Case{"VarianceTooLarge", sizes("gamma:effective-radius=1um,effective-variance=0.5"), {"0.5"}},
+        Case{"RateWithoutUnit", sizes("marshall-palmer:rate=5"), {"rate", "mm/h"}},
+        Case{"RateZero", sizes("marshall-palmer:rate=0mm/h"), {"rate", "not positive"}},
+        Case{"CutInverted", sizes("marshall-palmer:rate=5mm/h,from=2mm,to=1mm"), {"from", "smaller than to"}},
+        Case{"CutWithoutDrops", sizes("lognormal:median=1um,sigma=1.1,from=1mm"), {"no drops between"}},
+        Case{"ListWithoutFile", sizes("list:"), {"list:FILE"}},
+        Case{"ListNotThere", sizes("list:/no/such/file.csv"), {"/no/such/file.csv", "cannot be read"}},
+        Case{"DropsTooLarge", sizes("lognormal:median=1m,sigma=1.1"), {"--distribution", "size parameter"}},
+        Case{"RadiusAndDistribution", average({"--distribution", "list:x"}), {"--radius", "--distribution"}},
+        Case{"NoSizeForTheDisc", average({"--sun-disc", "0.5"}, false), {"--radius", "--distribution"}},
+        Case{
+            "NoWavelengthForTheDisc",
+            average({"--sun-disc", "0.5"}, true, false),
+            {"--wavelength", "--band"}},
+        Case{
+            "DiscOfSizeParameter",
+            {"mie", "--x", "10", "--index", "1.3", "--sun-disc", "1"},
+            {"--size-parameter"}},
+        Case{"DiscZero", average({"--sun-disc", "0deg"}), {"--sun-disc", "0.533deg"}},
+        Case{"DiscHuge", average({"--sun-disc", "90deg"}), {"--sun-disc", "90deg"}},
+        Case{"BandAndWavelength", average({"--band", "500:600nm"}), {"--wavelength", "--band"}},
+        Case{"BandOfOne", average({"--band", "500nm"}, true, false), {"--band", "first:last"}},
+        Case{"BandInverted", average({"--band", "600:500nm"}, true, false), {"--band", "ends before"}},
+        Case{"BandPastTheIndex", average({"--band", "500nm:2um"}, true, false), {"--band", "1100"}},
+        Case{
+            "BandWeightUnknown",
+            average({"--band", "500:600nm", "--band-weight", "moon"}, true, false),
+            {"--band-weight", "moon", "sunlight"}},
+        Case{"BandWeightAlone", average({"--band-weight", "uniform"}), {"--band-weight", "--band"}},
+        Case{"ToleranceZero", average({"--tolerance", "0"}), {"--tolerance", "\"0\""}},
+        Case{"ToleranceNaN", average({"--tolerance", "nan"}), {"--tolerance", "nan"}},
+        Case{"SpheresNotWhole", average({"--spheres", "1.5"}), {"--spheres", "1.5"}},
+        Case{"OrdersOfAnAverage", average({"--sun-disc", "0.5", "--orders", "2"}), {"--orders"}},
+        Case{"IndexOneAveraged", average({"--sun-disc", "0.5", "--index", "1"}), {"--index", "1"}},
+        Case{
+            "AnglePastTheBackAveraged",
+            {"mie", "--radius", "1um", "--wavelength", "1um", "--index", "1.3", "--sun-disc", "1", "--angles",
+             "181"},
+            {"--angles", "181"}},
+        Case{
+            "AverageToUnknownFormat",
+            average({"--sun-disc", "0.5", "--output", "a.nc"}),
+            {"--output", "a.nc", ".csv"}}),
+    name_of);
+
 } // namespace

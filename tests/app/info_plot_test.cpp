@@ -111,6 +111,29 @@ TEST(PlotVerb, DrawsWhatIsAskedFor) {
   EXPECT_THAT(text_of(folder.file("a.png")), StartsWith("\x89PNG"));
 }
 
+TEST(PlotVerb, DrawsALeeDiagramThatThreadsDoNotChange) {
+  const TemporaryFolder folder;
+  for (const char* threads : {"1", "3"}) {
+    const Outcome outcome = run(
+        {"plot", "--lee", "--radii", "10:30um", "--angles", "120:150", "--size", "100x120",
+         "--sample-wavelengths", "400:700:50nm", "--threads", threads, "--output",
+         folder.file(std::string("lee") + threads + ".png")});
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    EXPECT_EQ(outcome.output + outcome.errors, "");
+  }
+  const std::string one = text_of(folder.file("lee1.png"));
+  EXPECT_THAT(one, StartsWith("\x89PNG"));
+  EXPECT_EQ(one, text_of(folder.file("lee3.png")));
+  for (const char* how : {"chromaticity", "common"}) {
+    ASSERT_EQ(
+        run({"plot", "--lee", "--radii", "10:30um", "--size", "100x120", "--sample-wavelengths",
+             "400:700:50nm", "--normalise", how, "--output", folder.file("other.png")})
+            .exit_code,
+        0);
+    EXPECT_NE(one, text_of(folder.file("other.png"))) << how;
+  }
+}
+
 TEST(InfoAndPlotVerbs, RefuseWrongRequestsInOneLineAndLeaveNoFile) {
   const TemporaryFolder folder;
   const std::string source = write_example(folder, "a.json", false), picture = folder.file("a.svg");
@@ -126,7 +149,23 @@ TEST(InfoAndPlotVerbs, RefuseWrongRequestsInOneLineAndLeaveNoFile) {
       {{"plot", source, "--output", picture, "--phi", "500"}, "0 .. 350 deg"},
       {{"plot", source, "--output", picture, "--from", "150", "--to", "120"}, "a curve needs two"},
       {{"plot", source, "--output", picture, "--width", "10"}, "300 to 10000"},
-      {{"plot", source, "--output", picture, "--exposure", "nan"}, "stops"}};
+      {{"plot", source, "--output", picture, "--exposure", "nan"}, "stops"},
+      {{"plot", "--output", picture}, "FILE is missing"},
+      {{"plot", source, "--output", picture, "--radii", "1:2um"}, "--radii: belongs to a Lee diagram"},
+      {{"plot", source, "--lee", "--output", picture}, "FILE: a Lee diagram"},
+      {{"plot", "--lee", "--output", folder.file("a.pdf")}, ".png or .svg"},
+      {{"plot", "--lee", "--output", folder.file("no/a.png")}, "no folder"},
+      {{"plot", "--lee", "--output", picture, "--exposure", "nan"}, "stops"},
+      {{"plot", "--lee", "--output", picture, "--radii", "10um"}, "--radii: \"10um\" is not first:last"},
+      {{"plot", "--lee", "--output", picture, "--radii", "1mm:10um"}, "ends before it starts"},
+      {{"plot", "--lee", "--output", picture, "--radii", "1mm:1m"}, "size parameter"},
+      {{"plot", "--lee", "--output", picture, "--angles", "120:190"}, "0deg..180deg"},
+      {{"plot", "--lee", "--output", picture, "--size", "400"}, "RADIIxANGLES"},
+      {{"plot", "--lee", "--output", picture, "--size", "4x4"}, "100 to 10000"},
+      {{"plot", "--lee", "--output", picture, "--sun-disc", "0"}, "--sun-disc"},
+      {{"plot", "--lee", "--output", picture, "--sample-wavelengths", "50nm"}, "--sample-wavelengths"},
+      {{"plot", "--lee", "--output", picture, "--normalise", "loud"}, "radius, chromaticity or common"},
+      {{"plot", "--lee", "--output", picture, "--spheres", "0"}, "--spheres"}};
   for (const auto& [arguments, part] : wrong) {
     const Outcome outcome = run(arguments);
     EXPECT_EQ(outcome.exit_code, 2) << part;

@@ -136,5 +136,30 @@ TEST(Plot, AFailingOrMissingGnuplotIsARunErrorAndLeavesNoFile) {
   std::filesystem::remove_all(folder);
 }
 
+TEST(ColourImage, IsDrawnPixelByPixelWithItsAxes) {
+  ColourImage image{.title = "two colours", .x_label = "radius", .y_label = "angle"};
+  image.x_first = 10;
+  image.x_last = 1000;
+  image.log_x = true;
+  image.y_first = 120;
+  image.y_last = 150;
+  image.columns = 120;
+  image.rows = 100;
+  for (int j = 0; j < image.rows; ++j)
+    for (int i = 0; i < image.columns; ++i)
+      image.pixels.push_back(
+          j < 50 ? std::array<std::uint8_t, 3>{255, 0, 0} : std::array<std::uint8_t, 3>{0, 0, 255});
+  EXPECT_THAT(draw(image, PictureFormat::png), StartsWith("\x89PNG"));
+  EXPECT_THAT(
+      draw(image, PictureFormat::svg), AllOf(
+                                           HasSubstr("two colours"), HasSubstr("radius"), HasSubstr("angle"),
+                                           HasSubstr("1000"), HasSubstr("150")));
+  image.pixels.pop_back();
+  EXPECT_THROW((void)draw(image, PictureFormat::png), std::invalid_argument);
+  image.pixels.push_back({0, 0, 0});
+  image.x_first = 0;
+  EXPECT_THROW((void)draw(image, PictureFormat::png), std::invalid_argument);
+}
+
 } // namespace
 } // namespace scatter::scene
