@@ -10,7 +10,7 @@ namespace scatter::wavefront {
 /// Parameters of the kernels' surface: the axis, an ellipsoid of revolution that holds the drop, the polar
 /// curve.
 struct SurfaceParameters {
-  std::vector<double> values; ///< layout of SURFACE_* in kernels/trace.cl
+  std::vector<double> values; ///< layout of SURFACE_* in kernels/surface.cl
   double largest_radius = 1;  ///< of the polar curve, in units of a
   double smallest_radius = 1;
   double hull_margin = 0; ///< how far the ellipsoid stands off at most, relative
