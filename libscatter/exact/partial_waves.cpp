@@ -13,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <numbers>
+#include <numeric>
 #include <sstream>
 #include <system_error>
 #include <thread>
@@ -29,15 +30,46 @@ struct FoldedCosine {
   double t, t_rest;
 };
 
-FoldedCosine one_minus_cosine(long double theta) {
-  const long double half = std::sin(std::max<long double>(theta, 0) / 2);
+FoldedCosine from_half_sine(long double half) {
   const long double t = 2 * half * half;
   const auto rounded = static_cast<double>(t);
   return {rounded, static_cast<double>(t - static_cast<long double>(rounded))};
 }
 
-/// The angles [deg] in millionths, if they are an even grid of decimals; nothing otherwise.
-std::vector<std::int64_t> decimal_grid(std::span<const double> degrees) {
+/// Sines of the halves of an even grid's angles, from two short tables by the addition theorem, whose terms
+/// are positive: a long double sine takes longer than a hundred partial waves.
+class HalfSines {
+public:
+  /// Multiples of `step` up to half a right angle's double.
+  HalfSines(long double step, std::size_t count) {
+    while (fine_ * fine_ < count) fine_ *= 2;
+    for (std::size_t i = 0; i < fine_; ++i) fine_table_.push_back(at(static_cast<long double>(i) * step / 2));
+    for (std::size_t i = 0; i * fine_ < count; ++i)
+      coarse_table_.push_back(at(static_cast<long double>(i * fine_) * step / 2));
+  }
+  [[nodiscard]] long double operator()(std::size_t multiple) const {
+    const auto &a = coarse_table_[multiple / fine_], &b = fine_table_[multiple % fine_];
+    return a.sine * b.cosine + a.cosine * b.sine;
+  }
+
+private:
+  struct Pair {
+    long double sine, cosine;
+  };
+  static Pair at(long double angle) { return {std::sin(angle), std::cos(angle)}; }
+  std::size_t fine_ = 1;
+  std::vector<Pair> fine_table_, coarse_table_;
+};
+
+constexpr auto right_angle = static_cast<std::int64_t>(90 * per_degree);
+
+/// The angles [deg] in millionths, if they are an even grid of decimals; no places otherwise.
+struct DecimalGrid {
+  std::vector<std::int64_t> places;
+  std::int64_t unit = 0; ///< all places and the right angle are multiples of it
+};
+
+DecimalGrid decimal_grid(std::span<const double> degrees) {
   if (degrees.size() < 3) return {};
   std::vector<std::int64_t> places;
   places.reserve(degrees.size());
@@ -59,7 +91,7 @@ std::vector<std::int64_t> decimal_grid(std::span<const double> degrees) {
     if (index * step != place - first || seen[index]) return {};
     seen[index] = true;
   }
-  return places;
+  return {std::move(places), std::gcd(std::gcd(step, first), right_angle)};
 }
 
 using kernel::Form;
@@ -284,26 +316,37 @@ std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
       message << "scattering angle " << angle << ' ' << name << " is outside 0.." << half_turn << ' ' << name;
       throw InputError(message.str());
     }
-  const auto places = degrees ? decimal_grid(angles) : std::vector<std::int64_t>{};
   std::vector<Angle> folded;
   folded.reserve(angles.size());
-  for (std::size_t i = 0; i < angles.size(); ++i) {
-    const double angle = angles[i];
-    const auto given = static_cast<long double>(angle);
-    const bool backward = angle > half_turn / 2;
-    long double theta = given, rest = 0;
-    if (!places.empty()) {
-      constexpr auto half = static_cast<std::int64_t>(180 * per_degree);
-      theta = static_cast<long double>(backward ? half - places[i] : places[i]) *
-              (pi / static_cast<long double>(half));
-      rest = static_cast<long double>(places[i]) / static_cast<long double>(per_degree) - given;
-    } else if (degrees) {
-      theta = (backward ? 180 - given : given) * (pi / 180);
-    } else if (backward) {
-      theta = pi - given;
+  const auto add = [&](std::size_t i, bool backward, long double half_sine, long double rest) {
+    const auto [t, t_rest] = from_half_sine(half_sine);
+    folded.push_back({t, t_rest, backward, angles[i], static_cast<double>(rest), unit});
+  };
+  if (const DecimalGrid grid = degrees ? decimal_grid(angles) : DecimalGrid{}; !grid.places.empty()) {
+    const auto units = static_cast<std::size_t>(right_angle / grid.unit);
+    // Tables are worth it where they are shorter than the list.
+    const bool tables = 2 * std::sqrt(static_cast<double>(units)) < static_cast<double>(angles.size());
+    const long double radians = pi / (2 * static_cast<long double>(right_angle));
+    const HalfSines half_sine(static_cast<long double>(grid.unit) * radians, tables ? units + 1 : 1);
+    for (std::size_t i = 0; i < angles.size(); ++i) {
+      const std::int64_t place = grid.places[i];
+      const bool backward = place > right_angle;
+      const std::int64_t forward = backward ? 2 * right_angle - place : place;
+      const long double rest = static_cast<long double>(place) / static_cast<long double>(per_degree) -
+                               static_cast<long double>(angles[i]);
+      add(i, backward,
+          tables ? half_sine(static_cast<std::size_t>(forward / grid.unit))
+                 : std::sin(static_cast<long double>(forward) * radians / 2),
+          rest);
     }
-    const auto [t, t_rest] = one_minus_cosine(theta);
-    folded.push_back({t, t_rest, backward, angle, static_cast<double>(rest), unit});
+    return folded;
+  }
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    const auto given = static_cast<long double>(angles[i]);
+    const bool backward = angles[i] > half_turn / 2;
+    const long double theta =
+        degrees ? (backward ? 180 - given : given) * (pi / 180) : (backward ? pi - given : given);
+    add(i, backward, std::sin(std::max<long double>(theta, 0) / 2), 0);
   }
   return folded;
 }
