@@ -29,9 +29,7 @@ enum class Form {
   axis,
   /// The same steps, but tau_n is left to the weights: tau_n = (n^2 pi_{n+1} - (n+1)^2 pi_{n-1}) / (2n+1).
   /// Loses 1 / sin(theta) to the difference.
-  steps,
-  /// p_n = pi_n c_n by p_{n+1} = w_n cos(theta) p_n - p_{n-1}, which loses 1 / sin(theta) once more.
-  three_terms
+  steps
 };
 
 /// What the recurrences need, index 0 is n = 1.
@@ -40,7 +38,6 @@ struct Recurrence {
   const double* q_weight = nullptr;     ///< -1 / (n (n+1) (n+2))
   const double* minus_weight = nullptr; ///< n^2 (n+1)
   const double* plus_weight = nullptr;  ///< 2n (n+1)
-  const double* mu_weight = nullptr;    ///< w_n of the three terms
   std::size_t count = 0;                ///< even
   std::size_t stretch = 2;              ///< even, so that a place within a stretch tells the parity of n
 };
@@ -50,9 +47,9 @@ struct Recurrence {
 /// real and imaginary parts, 4..7 those of pi - theta. Otherwise 0..3 are S1 and S2 summed over odd n, 4..7
 /// over even n.
 struct Points {
-  const double* variable = nullptr; ///< t, or cos(theta) for Form::three_terms
-  const double* nearby = nullptr;   ///< the next double on the other side of the true value
-  const double* share = nullptr;    ///< how much of the way to `nearby` the true value is, 0..1/2
+  const double* t = nullptr;
+  const double* nearby = nullptr; ///< the next double on the other side of the true value
+  const double* share = nullptr;  ///< how much of the way to `nearby` the true value is, 0..1/2
   double* sums = nullptr;
   /// [set][side][point]: max over the course of the sum of (|S1|^2 + |S2|^2) / 2 or more; side 0 is theta, 1
   /// is pi - theta.
@@ -125,7 +122,7 @@ sum_points(const Recurrence& recurrence, std::span<const double* const> weights,
   constexpr std::size_t most_sets = 8; // what the nearest cache holds beside the stretch
 
   Lanes nearest[rows], nearby[rows], share[rows];
-  __builtin_memcpy(nearest, points.variable, sizeof nearest);
+  __builtin_memcpy(nearest, points.t, sizeof nearest);
   __builtin_memcpy(nearby, points.nearby, sizeof nearby);
   __builtin_memcpy(share, points.share, sizeof share);
   for (std::size_t first_set = 0; first_set < weights.size(); first_set += most_sets) {
@@ -136,63 +133,45 @@ sum_points(const Recurrence& recurrence, std::span<const double* const> weights,
         for (std::size_t c = 0; c < 8; ++c) sums[s][c][r] = Lanes{};
         largest[s][0][r] = largest[s][1][r] = Lanes{};
       }
-    // q and e, or p_n and p_{n-1}.
-    Lanes value[rows], other[rows], owed[rows];
+    Lanes q[rows], e[rows], owed[rows];
     for (std::size_t r = 0; r < rows; ++r) {
-      value[r] = Lanes{} + (form == Form::three_terms ? 1 : 0.5);
-      other[r] = owed[r] = Lanes{};
+      q[r] = Lanes{} + 0.5;
+      e[r] = owed[r] = Lanes{};
     }
     Lanes stored[longest_stretch * rows * functions];
     for (std::size_t first = 0; first < recurrence.count; first += recurrence.stretch) {
       const std::size_t terms = std::min(recurrence.stretch, recurrence.count - first);
-      // The variable's own rounding would turn every partial wave the same way; it takes turns with its
+      // t's own rounding would turn every partial wave the same way; it takes turns with its
       // neighbour so that on average both make the true value.
-      Lanes variable[rows], v[rows], o[rows];
+      Lanes t[rows], q_n[rows], e_n[rows];
 #pragma GCC unroll 8
       for (std::size_t r = 0; r < rows; ++r) {
         owed[r] += share[r];
-        variable[r] = owed[r] >= 0.5 ? nearby[r] : nearest[r];
+        t[r] = owed[r] >= 0.5 ? nearby[r] : nearest[r];
         owed[r] -= owed[r] >= 0.5 ? Lanes{} + 1 : Lanes{};
-        v[r] = value[r];
-        o[r] = other[r];
+        q_n[r] = q[r];
+        e_n[r] = e[r];
       }
-      if constexpr (form == Form::three_terms) {
-        for (std::size_t k = 0; k < terms; k += 2) {
-          const double w0 = recurrence.mu_weight[first + k];
-          const double w1 = recurrence.mu_weight[first + k + 1];
+      for (std::size_t k = 0; k < terms; ++k) {
+        const double e_weight = recurrence.e_weight[first + k];
+        const double q_weight = recurrence.q_weight[first + k];
 #pragma GCC unroll 8
-          for (std::size_t r = 0; r < rows; ++r) {
-            stored[k * rows + r] = v[r];
-            o[r] = (w0 * variable[r]) * v[r] - o[r];
+        for (std::size_t r = 0; r < rows; ++r) {
+          if constexpr (form == Form::axis) {
+            const Lanes minus = (recurrence.minus_weight[first + k] * t[r]) * q_n[r] + e_n[r];
+            stored[(k * rows + r) * 2] = recurrence.plus_weight[first + k] * q_n[r] - minus;
+            stored[(k * rows + r) * 2 + 1] = minus;
+          } else {
+            stored[k * rows + r] = q_n[r];
           }
-#pragma GCC unroll 8
-          for (std::size_t r = 0; r < rows; ++r) {
-            stored[(k + 1) * rows + r] = o[r];
-            v[r] = (w1 * variable[r]) * o[r] - v[r];
-          }
-        }
-      } else {
-        for (std::size_t k = 0; k < terms; ++k) {
-          const double e_weight = recurrence.e_weight[first + k];
-          const double q_weight = recurrence.q_weight[first + k];
-#pragma GCC unroll 8
-          for (std::size_t r = 0; r < rows; ++r) {
-            if constexpr (form == Form::axis) {
-              const Lanes minus = (recurrence.minus_weight[first + k] * variable[r]) * v[r] + o[r];
-              stored[(k * rows + r) * 2] = recurrence.plus_weight[first + k] * v[r] - minus;
-              stored[(k * rows + r) * 2 + 1] = minus;
-            } else {
-              stored[k * rows + r] = v[r];
-            }
-            o[r] += (e_weight * variable[r]) * v[r];
-            v[r] += q_weight * o[r];
-          }
+          e_n[r] += (e_weight * t[r]) * q_n[r];
+          q_n[r] += q_weight * e_n[r];
         }
       }
 #pragma GCC unroll 8
       for (std::size_t r = 0; r < rows; ++r) {
-        value[r] = v[r];
-        other[r] = o[r];
+        q[r] = q_n[r];
+        e[r] = e_n[r];
       }
       for (std::size_t s = 0; s < sets; ++s) {
         const double* const w = weights[first_set + s] + 4 * first;

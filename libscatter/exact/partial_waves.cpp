@@ -96,12 +96,10 @@ DecimalGrid decimal_grid(std::span<const double> degrees) {
 
 using kernel::Form;
 
-// Every form loses at most about 1 / sin(theta) where it is used.
-constexpr double steps_from = 0.01;      ///< t at 8 deg
-constexpr double three_terms_from = 0.1; ///< t at 26 deg
+constexpr double steps_from = 0.0014; ///< t at 3 deg
 
 Form form_at(double t) {
-  return t < steps_from ? Form::axis : t < three_terms_from ? Form::steps : Form::three_terms;
+  return t < steps_from ? Form::axis : Form::steps;
 }
 
 // One instance of the loops per instruction set, chosen when they are called.
@@ -119,12 +117,9 @@ template <std::size_t width, std::size_t parts>
     one ? sum_points<Form::axis, width, 1, 1, parts>(recurrence, weights, points)
         : sum_points<Form::axis, width, most_rows, (parts == 4 ? 3 : 2), (parts == 4 ? 4 : 2)>(
               recurrence, weights, points);
-  else if (form == Form::steps)
+  else
     one ? sum_points<Form::steps, width, 1, 1, parts>(recurrence, weights, points)
         : sum_points<Form::steps, width, most_rows, 3, parts>(recurrence, weights, points);
-  else
-    one ? sum_points<Form::three_terms, width, 1, 1, parts>(recurrence, weights, points)
-        : sum_points<Form::three_terms, width, most_rows, 3, parts>(recurrence, weights, points);
 }
 
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -163,9 +158,8 @@ struct Tables {
   explicit Tables(std::size_t count);
 
   std::size_t count;
-  std::vector<double> e_weight, q_weight, minus_weight, plus_weight, mu_weight;
+  std::vector<double> e_weight, q_weight, minus_weight, plus_weight;
   std::vector<double> product;      ///< n (n+1), by which pi_n = product q_n
-  std::vector<double> scale;        ///< pi_n = scale_n p_n, so that the three terms' p_{n-1} has weight 1
   std::vector<double> below, above; ///< n^2 / (2n+1) and (n+1)^2 / (2n+1), from n = 0 on
 };
 
@@ -181,19 +175,6 @@ Tables::Tables(std::size_t size) : count(size) {
   table(product, count, 1, [](double n) { return n * (n + 1); });
   table(below, count + 2, 0, [](double n) { return n * n / (2 * n + 1); });
   table(above, count + 2, 0, [](double n) { return (n + 1) * (n + 1) / (2 * n + 1); });
-  // n pi_{n+1} = (2n+1) mu pi_n - (n+1) pi_{n-1}.
-  scale.resize(count + 1);
-  mu_weight.resize(count);
-  scale[0] = 1;
-  scale[1] = 1.5;
-  for (std::size_t k = 1; k < count; ++k) {
-    const double n = static_cast<double>(k + 1);
-    scale[k + 1] = scale[k - 1] * ((n + 1) / n);
-  }
-  for (std::size_t k = 0; k < count; ++k) {
-    const double n = static_cast<double>(k + 1);
-    mu_weight[k] = (2 * n + 1) * scale[k] / (n * scale[k + 1]);
-  }
 }
 
 /// Tables for `count` terms or more. Kept for the next call while they are small: averages ask for thousands
@@ -209,10 +190,9 @@ std::shared_ptr<const Tables> tables_for(std::size_t count) {
   return kept;
 }
 
-/// Weights of pi_n alone: S1 = sum c1_n pi_n, S2 = sum c2_n pi_n, four numbers per n, times factor[k] and
+/// Weights of q_n = pi_n / (n (n+1)) alone: S1 = sum c1_n q_n, S2 = sum c2_n q_n, four numbers per n,
 /// padded to `count`.
-std::vector<double>
-weights_of_pi(const PartialWaves& waves, std::size_t count, const Tables& tables, const double* factor) {
+std::vector<double> weights_of_q(const PartialWaves& waves, std::size_t count, const Tables& tables) {
   // w a_n = plus + minus goes with pi_n in S1 and w b_n = plus - minus with tau_n = (n^2 pi_{n+1} - (n+1)^2
   // pi_{n-1}) / (2n+1); in S2 the other way round.
   struct Pair { // w a_n and w b_n
@@ -234,7 +214,7 @@ weights_of_pi(const PartialWaves& waves, std::size_t count, const Tables& tables
   load(1, own);
   for (std::size_t n = 1; n <= count; ++n) {
     load(n + 1, after);
-    const double scale = factor[n - 1], below = scale * tables.below[n - 1],
+    const double scale = tables.product[n - 1], below = scale * tables.below[n - 1],
                  above = scale * tables.above[n + 1];
     const auto first = scale * own.a + (below * before.b - above * after.b);
     const auto second = scale * own.b + (below * before.a - above * after.a);
@@ -378,7 +358,7 @@ std::vector<AngleSums> sum_partial_waves(
   const auto order = sorted_by_t(angles);
   std::vector<Point> points;
   std::vector<Batch> batches;
-  bool used[3] = {};
+  bool used[2] = {};
   for (std::size_t i = 0; i < order.size(); ++i) {
     const Angle& angle = angles[order[i]];
     if (i > 0 && angle.t == points.back().t && angle.t_rest == points.back().t_rest) {
@@ -408,23 +388,22 @@ std::vector<AngleSums> sum_partial_waves(
       tables->q_weight.data(),
       tables->minus_weight.data(),
       tables->plus_weight.data(),
-      tables->mu_weight.data(),
+
       count,
       stretch};
-  std::vector<std::vector<double>> weights[3];
-  std::vector<const double*> weights_of[3];
+  std::vector<std::vector<double>> weights[2];
+  std::vector<const double*> weights_of[2];
   for (const auto& set : sets) {
     if (used[0]) {
       weights[0].emplace_back(set.weights().begin(), set.weights().end());
       weights[0].back().resize(4 * count);
     }
-    if (used[1]) weights[1].push_back(weights_of_pi(set, count, *tables, tables->product.data()));
-    if (used[2]) weights[2].push_back(weights_of_pi(set, count, *tables, tables->scale.data()));
+    if (used[1]) weights[1].push_back(weights_of_q(set, count, *tables));
   }
   std::vector<double> sizes;
   for (const auto& set : sets) sizes.push_back(size_of_coefficients(set));
   const double one_rounding = epsilon / sum_rounding(sets[0].count());
-  for (std::size_t form = 0; form < 3; ++form)
+  for (std::size_t form = 0; form < 2; ++form)
     for (const auto& weight : weights[form]) weights_of[form].push_back(weight.data());
 
   const Sum sum_batch = sum_of(unit);
@@ -432,28 +411,20 @@ std::vector<AngleSums> sum_partial_waves(
     const Batch& batch = batches[item];
     const std::size_t lanes = batch.rows * unit.width;
     std::vector<double> memory((3 + 10 * sets.size()) * lanes);
-    double* const variable = memory.data();
-    double* const nearby = variable + lanes;
+    double* const t = memory.data();
+    double* const nearby = t + lanes;
     double* const share = nearby + lanes;
     double* const sum = share + lanes;
     double* const largest = sum + 8 * sets.size() * lanes;
     for (std::size_t lane = 0; lane < lanes; ++lane) {
       // A batch that is not full repeats a point.
       const Point& point = points[batch.first + std::min(lane, batch.count - 1)];
-      double value = point.t, rest = point.t_rest;
-      nearby[lane] = std::nextafter(value, rest < 0 ? -1 : 2);
-      if (batch.form == Form::three_terms) {
-        // cos(theta); near 90 deg its own neighbours are nearer than need be.
-        value = 1 - point.t;
-        rest = (1 - value - point.t) - point.t_rest;
-        nearby[lane] = value + std::copysign(epsilon, rest);
-      }
-      variable[lane] = value;
-      const double gap = nearby[lane] - value;
-      share[lane] = rest == 0 ? 0 : rest / gap;
+      t[lane] = point.t;
+      nearby[lane] = std::nextafter(point.t, point.t_rest < 0 ? -1 : 2);
+      share[lane] = point.t_rest == 0 ? 0 : point.t_rest / (nearby[lane] - point.t);
     }
     const auto form = static_cast<std::size_t>(batch.form);
-    sum_batch(batch.form, batch.rows, recurrence, weights_of[form], {variable, nearby, share, sum, largest});
+    sum_batch(batch.form, batch.rows, recurrence, weights_of[form], {t, nearby, share, sum, largest});
     for (std::size_t set = 0; set < sets.size(); ++set)
       for (std::size_t lane = 0; lane < batch.count; ++lane) {
         double low[4], high[4];
@@ -480,10 +451,10 @@ std::vector<AngleSums> sum_partial_waves(
             partial = 0;
             for (std::size_t c = 0; c < 4; ++c) partial += low[c] * low[c] + high[c] * high[c];
             // n^2 pi_n^2 sin(theta)^2 and tau_n^2 are n^3 / (pi sin(theta)) on average, and partial sums come
-            // to about the root of the sum of all squares. The weights of pi_n are differences of
+            // to about half the root of the sum of all squares. The weights of pi_n are differences of
             // coefficients, which may be much larger: pi_n^2 is n / (pi sin(theta)^3), and 4 roundings.
             const double sine = std::sqrt(point.t * (2 - point.t));
-            partial += sizes[set] * (2 / sine + 16 * one_rounding * one_rounding / (sine * sine * sine)) /
+            partial += sizes[set] * (0.5 / sine + 16 * one_rounding * one_rounding / (sine * sine * sine)) /
                        std::numbers::pi;
           }
           sums[set].largest_partial[angle] = partial;
