@@ -48,7 +48,7 @@ struct Recurrence {
 /// over even n.
 struct Points {
   const double* t = nullptr;
-  const double* nearby = nullptr; ///< the next double on the other side of the true value
+  const double* nearby = nullptr; ///< a double close by, on the other side of the true value
   const double* share = nullptr;  ///< how much of the way to `nearby` the true value is, 0..1/2
   double* sums = nullptr;
   /// [set][side][point]: max over the course of the sum of (|S1|^2 + |S2|^2) / 2 or more; side 0 is theta, 1

@@ -420,8 +420,9 @@ std::vector<AngleSums> sum_partial_waves(
       // A batch that is not full repeats a point.
       const Point& point = points[batch.first + std::min(lane, batch.count - 1)];
       t[lane] = point.t;
-      nearby[lane] = std::nextafter(point.t, point.t_rest < 0 ? -1 : 2);
-      share[lane] = point.t_rest == 0 ? 0 : point.t_rest / (nearby[lane] - point.t);
+      nearby[lane] = point.t * (1 + std::copysign(2 * epsilon, point.t_rest)); // one place away or two
+      const double gap = nearby[lane] - point.t;
+      share[lane] = gap == 0 ? 0 : point.t_rest / gap;
     }
     const auto form = static_cast<std::size_t>(batch.form);
     sum_batch(batch.form, batch.rows, recurrence, weights_of[form], {t, nearby, share, sum, largest});
