@@ -73,7 +73,7 @@ void sum_block(
 
 /// t = 1 - cos(theta') of the folded angle.
 Extended one_minus_cosine(const Angle& angle) {
-  const Extended given{angle.theta, 0};
+  const Extended given{angle.theta, angle.theta_rest};
   const bool degrees = angle.unit == AngleUnit::degree;
   const Extended half_turn = degrees ? Extended{180, 0} : pi;
   const Extended folded = angle.backward ? half_turn - given : given;

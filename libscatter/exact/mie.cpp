@@ -44,7 +44,7 @@ real norm(Complex a) {
   return a.re * a.re + a.im * a.im;
 }
 real abs(Complex a) {
-  return std::hypot(a.re, a.im);
+  return std::sqrt(norm(a)); // a long double's square does not overflow here
 }
 Complex inverse(Complex a) {
   const real scale = 1 / norm(a);
@@ -113,7 +113,7 @@ Coefficients coefficients(real x, Complex m) {
     const real rho_error = 2 * abs(rho) + abs(slope) * (z_size / 2 + walk);
     // The same walk of psi and chi: against their common amplitude where they oscillate, their own beyond.
     const auto walked = [&](real value, real other) {
-      return walk * (n < x ? std::hypot(value, other) : std::abs(value));
+      return walk * (n < x ? std::sqrt(value * value + other * other) : std::abs(value));
     };
     const real psi_next = psi * rho_x;
     const real psi_error = walked(psi, chi), chi_error = walked(chi, psi);
@@ -188,7 +188,9 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
   for (std::size_t i = 0; i < angles.size(); ++i) {
     const double first = std::norm(result.S1[i]), second = std::norm(result.S2[i]);
     result.phase_function.push_back((first + second) / (2 * std::numbers::pi * x * x * c.Qsca));
-    const double error = rounding * std::sqrt(sums.largest_partial[i] / std::max(first, second));
+    // A grid's angle stands for its decimal; the estimate holds for the double as given, too.
+    const double turn = std::abs(angles[i].theta_rest) * (std::numbers::pi / 180) * x;
+    const double error = (rounding + turn) * std::sqrt(sums.largest_partial[i] / std::max(first, second));
     result.error_estimate = std::max(result.error_estimate, error);
   }
   return result;

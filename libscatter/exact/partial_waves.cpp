@@ -1,148 +1,332 @@
-// The sum over partial waves is done per angle in double, eight angles to a vector, with recurrences for the
-// differences of pi_n in t = 1 - cos(theta), which keep their digits near the forward direction; angles
-// beyond 90 deg are mirrored.
+// Angles beyond 90 deg are mirrored, and an angle is summed together with its mirror image. See
+// partial_wave_kernel.hpp for the sums themselves; here they are prepared and shared out.
 
+#include <scatter/exact/partial_wave_kernel.hpp>
 #include <scatter/exact/partial_waves.hpp>
 #include <scatter/optics/errors.hpp>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <memory>
+#include <mutex>
 #include <numbers>
+#include <numeric>
 #include <sstream>
 #include <system_error>
 #include <thread>
-
-// Clones of the inner loop for wider vectors, picked at start-up. Not under sanitizers, whose start-up comes
-// later.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&     \
-    !defined(__SANITIZE_THREAD__)
-#define SCATTER_VECTOR_CLONES __attribute__((target_clones("avx512f", "fma", "default")))
-#define SCATTER_HAS_FMA __builtin_cpu_supports("fma")
-#else
-#define SCATTER_VECTOR_CLONES
-#ifdef FP_FAST_FMA
-#define SCATTER_HAS_FMA true
-#else
-#define SCATTER_HAS_FMA false
-#endif
-#endif
 
 namespace scatter::exact {
 namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
 
-Angle fold(long double theta, bool backward, double given, AngleUnit unit) {
-  const long double half = std::sin(std::max<long double>(theta, 0) / 2);
-  const long double t = 2 * half * half;
-  Angle angle{static_cast<double>(t), 0, backward, given, unit};
-  angle.t_rest = static_cast<double>(t - static_cast<long double>(angle.t));
-  return angle;
-}
+constexpr long double pi = std::numbers::pi_v<long double>;
+constexpr double per_degree = 1e6; ///< six decimal places
 
-using Lanes = double __attribute__((vector_size(64)));
-constexpr std::size_t lanes = sizeof(Lanes) / sizeof(double);
-constexpr std::size_t rows = 3; ///< vectors in flight: hides the latency of the recurrence
-constexpr std::size_t block = lanes * rows;
-
-/// Inputs and outputs of one block of angles.
-struct Block {
-  double t[block], t_rest[block];
-  double S1_re[block], S1_im[block], S2_re[block], S2_im[block];
-  double largest_partial[block]; ///< max over the sum's course of (|S1|^2 + |S2|^2) / 2
+struct FoldedCosine {
+  double t, t_rest;
 };
 
-/// Sums over all partial waves; S2 comes out with the sign of the forward half.
-SCATTER_VECTOR_CLONES
-void sum_block(const Weights& weights, Block& io) {
-  // With s = t pi_n: pi_n - tau_n = e_n + n s, e_{n+1} = e_n + (2n+1) s, pi_{n+1} = pi_n + (2 pi_n - e_{n+1})
-  // / n; it follows from n pi_{n+1} = (2n+1) cos(theta) pi_n - (n+1) pi_{n-1}. All of it keeps its digits for
-  // small t.
-  Lanes pi[rows], e[rows], t[rows], t_rest[rows];
-  Lanes plus_re[rows], plus_im[rows], minus_re[rows], minus_im[rows], largest[rows];
-  for (std::size_t r = 0; r < rows; ++r) {
-    for (std::size_t i = 0; i < lanes; ++i) {
-      t[r][i] = io.t[r * lanes + i];
-      t_rest[r][i] = io.t_rest[r * lanes + i];
-    }
-    pi[r] = Lanes{} + 1;
-    e[r] = plus_re[r] = plus_im[r] = minus_re[r] = minus_im[r] = largest[r] = Lanes{};
-  }
-  const std::size_t count = weights.plus_re.size();
-  const std::size_t stride = std::max<std::size_t>(1, count / 256);
-  for (std::size_t first = 0; first < count; first += stride) {
-    const std::size_t last = std::min(first + stride, count);
-    for (std::size_t k = first; k < last; ++k) {
-      const double n = static_cast<double>(k + 1), inverse_n = 1 / n;
-      for (std::size_t r = 0; r < rows; ++r) {
-        const Lanes s = t[r] * pi[r] + t_rest[r] * pi[r];
-        const Lanes minus = e[r] + n * s;     // pi_n - tau_n
-        const Lanes plus = 2 * pi[r] - minus; // pi_n + tau_n
-        plus_re[r] += weights.plus_re[k] * plus;
-        plus_im[r] += weights.plus_im[k] * plus;
-        minus_re[r] += weights.minus_re[k] * minus;
-        minus_im[r] += weights.minus_im[k] * minus;
-        e[r] += (2 * n + 1) * s;
-        pi[r] += inverse_n * (2 * pi[r] - e[r]);
-      }
-    }
-    for (std::size_t r = 0; r < rows; ++r) {
-      const Lanes partial = plus_re[r] * plus_re[r] + plus_im[r] * plus_im[r] + minus_re[r] * minus_re[r] +
-                            minus_im[r] * minus_im[r];
-      largest[r] = partial > largest[r] ? partial : largest[r];
-    }
-  }
-  for (std::size_t r = 0; r < rows; ++r)
-    for (std::size_t i = 0; i < lanes; ++i) {
-      io.S1_re[r * lanes + i] = plus_re[r][i] + minus_re[r][i];
-      io.S1_im[r * lanes + i] = plus_im[r][i] + minus_im[r][i];
-      io.S2_re[r * lanes + i] = plus_re[r][i] - minus_re[r][i];
-      io.S2_im[r * lanes + i] = plus_im[r][i] - minus_im[r][i];
-      io.largest_partial[r * lanes + i] = largest[r][i];
-    }
+FoldedCosine from_half_sine(long double half) {
+  const long double t = 2 * half * half;
+  const auto rounded = static_cast<double>(t);
+  return {rounded, static_cast<double>(t - static_cast<long double>(rounded))};
 }
 
-/// Whether the compiler's a * b + c above rounds once.
-bool sums_are_fused() {
-  return SCATTER_HAS_FMA;
+/// Sines of the halves of an even grid's angles, from two short tables by the addition theorem, whose terms
+/// are positive: a long double sine takes longer than a hundred partial waves.
+class HalfSines {
+public:
+  /// Multiples of `step` up to half a right angle's double.
+  HalfSines(long double step, std::size_t count) {
+    while (fine_ * fine_ < count) fine_ *= 2;
+    for (std::size_t i = 0; i < fine_; ++i) fine_table_.push_back(at(static_cast<long double>(i) * step / 2));
+    for (std::size_t i = 0; i * fine_ < count; ++i)
+      coarse_table_.push_back(at(static_cast<long double>(i * fine_) * step / 2));
+  }
+  [[nodiscard]] long double operator()(std::size_t multiple) const {
+    const auto &a = coarse_table_[multiple / fine_], &b = fine_table_[multiple % fine_];
+    return a.sine * b.cosine + a.cosine * b.sine;
+  }
+
+private:
+  struct Pair {
+    long double sine, cosine;
+  };
+  static Pair at(long double angle) { return {std::sin(angle), std::cos(angle)}; }
+  std::size_t fine_ = 1;
+  std::vector<Pair> fine_table_, coarse_table_;
+};
+
+constexpr auto right_angle = static_cast<std::int64_t>(90 * per_degree);
+
+/// The angles [deg] in millionths, if they are an even grid of decimals; no places otherwise.
+struct DecimalGrid {
+  std::vector<std::int64_t> places;
+  std::int64_t unit = 0; ///< all places and the right angle are multiples of it
+};
+
+DecimalGrid decimal_grid(std::span<const double> degrees) {
+  if (degrees.size() < 3) return {};
+  std::vector<std::int64_t> places;
+  places.reserve(degrees.size());
+  std::int64_t first = std::numeric_limits<std::int64_t>::max(), last = 0;
+  for (const double angle : degrees) {
+    const auto place = static_cast<std::int64_t>(angle * per_degree + 0.5);
+    // A quotient of two exact numbers is the double next to it.
+    if (static_cast<double>(place) / per_degree != angle) return {};
+    first = std::min(first, place);
+    last = std::max(last, place);
+    places.push_back(place);
+  }
+  const auto steps = static_cast<std::int64_t>(degrees.size()) - 1;
+  const std::int64_t step = (last - first) / steps;
+  if (step == 0 || step * steps != last - first) return {};
+  std::vector<bool> seen(degrees.size());
+  for (const std::int64_t place : places) {
+    const std::int64_t index = (place - first) / step;
+    if (index * step != place - first || seen[index]) return {};
+    seen[index] = true;
+  }
+  return {std::move(places), std::gcd(std::gcd(step, first), right_angle)};
 }
+
+using kernel::Form;
+
+constexpr double steps_from = 0.0014; ///< t at 3 deg
+
+Form form_at(double t) {
+  return t < steps_from ? Form::axis : Form::steps;
+}
+
+// One instance of the loops per instruction set, chosen when they are called.
+constexpr std::size_t most_rows = 6;
+using Sum = void (*)(
+    Form, std::size_t rows, const kernel::Recurrence&, std::span<const double* const>, const kernel::Points&);
+
+template <std::size_t width, std::size_t parts>
+[[gnu::always_inline]] inline void sum_form(
+    Form form, std::size_t rows, const kernel::Recurrence& recurrence, std::span<const double* const> weights,
+    const kernel::Points& points) {
+  using kernel::sum_points;
+  const bool one = rows == 1;
+  if (form == Form::axis)
+    one ? sum_points<Form::axis, width, 1, 1, parts>(recurrence, weights, points)
+        : sum_points<Form::axis, width, most_rows, (parts == 4 ? 3 : 2), (parts == 4 ? 4 : 2)>(
+              recurrence, weights, points);
+  else
+    one ? sum_points<Form::steps, width, 1, 1, parts>(recurrence, weights, points)
+        : sum_points<Form::steps, width, most_rows, 3, parts>(recurrence, weights, points);
+}
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#define SCATTER_X86_VECTORS 1
+// 32 registers hold the sums of three rows, 16 those of S1 or S2 alone.
+__attribute__((target("avx512f,avx512dq,fma"))) void sum_avx512(
+    Form form, std::size_t rows, const kernel::Recurrence& recurrence, std::span<const double* const> weights,
+    const kernel::Points& points) {
+  sum_form<8, 4>(form, rows, recurrence, weights, points);
+}
+__attribute__((target("avx2,fma"))) void sum_avx2(
+    Form form, std::size_t rows, const kernel::Recurrence& recurrence, std::span<const double* const> weights,
+    const kernel::Points& points) {
+  sum_form<4, 2>(form, rows, recurrence, weights, points);
+}
+#else
+#define SCATTER_X86_VECTORS 0
+#endif
+void sum_plain(
+    Form form, std::size_t rows, const kernel::Recurrence& recurrence, std::span<const double* const> weights,
+    const kernel::Points& points) {
+  sum_form<2, 2>(form, rows, recurrence, weights, points);
+}
+
+Sum sum_of(const VectorUnit& unit) {
+#if SCATTER_X86_VECTORS
+  if (unit.width == 8) return sum_avx512;
+  if (unit.width == 4) return sum_avx2;
+#endif
+  (void)unit;
+  return sum_plain;
+}
+
+/// What depends on n alone; index 0 is n = 1, and 0 for those that start at n = 0.
+struct Tables {
+  explicit Tables(std::size_t count);
+
+  std::size_t count;
+  std::vector<double> e_weight, q_weight, minus_weight, plus_weight;
+  std::vector<double> product;      ///< n (n+1), by which pi_n = product q_n
+  std::vector<double> below, above; ///< n^2 / (2n+1) and (n+1)^2 / (2n+1), from n = 0 on
+};
+
+Tables::Tables(std::size_t size) : count(size) {
+  const auto table = [&](std::vector<double>& values, std::size_t length, double first, auto value) {
+    values.resize(length);
+    for (std::size_t k = 0; k < length; ++k) values[k] = value(static_cast<double>(k) + first);
+  };
+  table(e_weight, count, 1, [](double n) { return (2 * n + 1) * n * (n + 1); });
+  table(q_weight, count, 1, [](double n) { return -1 / (n * (n + 1) * (n + 2)); });
+  table(minus_weight, count, 1, [](double n) { return n * n * (n + 1); });
+  table(plus_weight, count, 1, [](double n) { return 2 * n * (n + 1); });
+  table(product, count, 1, [](double n) { return n * (n + 1); });
+  table(below, count + 2, 0, [](double n) { return n * n / (2 * n + 1); });
+  table(above, count + 2, 0, [](double n) { return (n + 1) * (n + 1) / (2 * n + 1); });
+}
+
+/// Tables for `count` terms or more. Kept for the next call while they are small: averages ask for thousands
+/// of spheres.
+std::shared_ptr<const Tables> tables_for(std::size_t count) {
+  constexpr std::size_t most_kept = 20000;
+  if (count > most_kept) return std::make_shared<const Tables>(count);
+  static std::mutex mutex;
+  static std::shared_ptr<const Tables> kept;
+  const std::lock_guard lock(mutex);
+  if (!kept || kept->count < count)
+    kept = std::make_shared<const Tables>(std::min(most_kept, std::max<std::size_t>(256, 2 * count)));
+  return kept;
+}
+
+/// Weights of q_n = pi_n / (n (n+1)) alone: S1 = sum c1_n q_n, S2 = sum c2_n q_n, four numbers per n,
+/// padded to `count`.
+std::vector<double> weights_of_q(const PartialWaves& waves, std::size_t count, const Tables& tables) {
+  // w a_n = plus + minus goes with pi_n in S1 and w b_n = plus - minus with tau_n = (n^2 pi_{n+1} - (n+1)^2
+  // pi_{n-1}) / (2n+1); in S2 the other way round.
+  struct Pair { // w a_n and w b_n
+    kernel::VectorOf<2>::type a, b;
+  };
+  const double* const given = waves.weights().data();
+  const std::size_t given_count = waves.count();
+  const auto load = [&](std::size_t n, Pair& pair) {
+    kernel::VectorOf<2>::type plus{}, minus{};
+    if (n <= given_count) {
+      __builtin_memcpy(&plus, given + 4 * (n - 1), sizeof plus);
+      __builtin_memcpy(&minus, given + 4 * (n - 1) + 2, sizeof minus);
+    }
+    pair.a = plus + minus;
+    pair.b = plus - minus;
+  };
+  std::vector<double> weights(4 * count);
+  Pair before{}, own, after;
+  load(1, own);
+  for (std::size_t n = 1; n <= count; ++n) {
+    load(n + 1, after);
+    const double scale = tables.product[n - 1], below = scale * tables.below[n - 1],
+                 above = scale * tables.above[n + 1];
+    const auto first = scale * own.a + (below * before.b - above * after.b);
+    const auto second = scale * own.b + (below * before.a - above * after.a);
+    __builtin_memcpy(weights.data() + 4 * (n - 1), &first, sizeof first);
+    __builtin_memcpy(weights.data() + 4 * (n - 1) + 2, &second, sizeof second);
+    before = own;
+    own = after;
+  }
+  return weights;
+}
+
+/// sum n (|a_n|^2 + |b_n|^2)
+double size_of_coefficients(const PartialWaves& waves) {
+  const auto weights = waves.weights();
+  double size = 0;
+  for (std::size_t k = 0; k < waves.count(); ++k) {
+    const double n = static_cast<double>(k + 1), factor = n * (n + 1) / (2 * n + 1);
+    double square = 0;
+    for (std::size_t part = 0; part < 4; ++part) square += weights[4 * k + part] * weights[4 * k + part];
+    size += 2 * n * factor * factor * square; // |a + b|^2 + |a - b|^2 is twice the sum
+  }
+  return size;
+}
+
+/// An angle of the forward half and the angles of the list that it stands for.
+struct Point {
+  double t, t_rest;
+  std::size_t first, last; ///< of the sorted list
+};
+
+/// Indices of the angles, sorted by t.
+std::vector<std::size_t> sorted_by_t(std::span<const Angle> angles) {
+  const auto less = [&](std::size_t i, std::size_t j) {
+    return angles[i].t != angles[j].t ? angles[i].t < angles[j].t : angles[i].t_rest < angles[j].t_rest;
+  };
+  std::vector<std::size_t> halves[2];
+  for (std::size_t i = 0; i < angles.size(); ++i) halves[angles[i].backward].push_back(i);
+  // Most lists ascend or descend: then this takes no sorting.
+  for (auto& half : halves) {
+    if (std::is_sorted(half.begin(), half.end(), less)) continue;
+    std::reverse(half.begin(), half.end());
+    if (!std::is_sorted(half.begin(), half.end(), less)) std::sort(half.begin(), half.end(), less);
+  }
+  std::vector<std::size_t> all(angles.size());
+  std::merge(halves[0].begin(), halves[0].end(), halves[1].begin(), halves[1].end(), all.begin(), less);
+  return all;
+}
+
+/// Points of one form that are summed together.
+struct Batch {
+  Form form;
+  std::size_t first, count, rows;
+};
 
 } // namespace
 
-void PartialWaves::add(std::complex<double> plus, std::complex<double> minus) {
-  const auto append = [](Weights& weights, std::complex<double> first, std::complex<double> second) {
-    weights.plus_re.push_back(first.real());
-    weights.plus_im.push_back(first.imag());
-    weights.minus_re.push_back(second.real());
-    weights.minus_im.push_back(second.imag());
-  };
-  append(forward, plus, minus);
-  // pi_n(pi - theta) = (-1)^(n+1) pi_n(theta), tau_n(pi - theta) = (-1)^n tau_n(theta).
-  const double sign = count() % 2 ? 1 : -1;
-  append(backward, sign * minus, sign * plus);
+std::span<const VectorUnit> vector_units() {
+  static const std::vector<VectorUnit> units = [] {
+    std::vector<VectorUnit> found;
+#if SCATTER_X86_VECTORS
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq"))
+      found.push_back({"AVX-512", 8});
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found.push_back({"AVX2", 4});
+#endif
+    found.push_back({"plain", 2});
+    return found;
+  }();
+  return units;
 }
 
 std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
-  constexpr long double pi = std::numbers::pi_v<long double>;
   const bool degrees = unit == AngleUnit::degree;
   // The half turn in the unit of the angles, exactly or as near as a double comes.
   const double half_turn = degrees ? 180 : std::numbers::pi;
-  std::vector<Angle> folded;
-  folded.reserve(angles.size());
-  for (const double angle : angles) {
+  for (const double angle : angles)
     if (!(angle >= 0 && angle <= half_turn)) {
       const char* const name = degrees ? "deg" : "rad";
       std::ostringstream message;
       message << "scattering angle " << angle << ' ' << name << " is outside 0.." << half_turn << ' ' << name;
       throw InputError(message.str());
     }
-    const bool backward = angle > half_turn / 2;
-    const auto given = static_cast<long double>(angle);
+  std::vector<Angle> folded;
+  folded.reserve(angles.size());
+  const auto add = [&](std::size_t i, bool backward, long double half_sine, long double rest) {
+    const auto [t, t_rest] = from_half_sine(half_sine);
+    folded.push_back({t, t_rest, backward, angles[i], static_cast<double>(rest), unit});
+  };
+  if (const DecimalGrid grid = degrees ? decimal_grid(angles) : DecimalGrid{}; !grid.places.empty()) {
+    const auto units = static_cast<std::size_t>(right_angle / grid.unit);
+    // Tables are worth it where they are shorter than the list.
+    const bool tables = 2 * std::sqrt(static_cast<double>(units)) < static_cast<double>(angles.size());
+    const long double radians = pi / (2 * static_cast<long double>(right_angle));
+    const HalfSines half_sine(static_cast<long double>(grid.unit) * radians, tables ? units + 1 : 1);
+    for (std::size_t i = 0; i < angles.size(); ++i) {
+      const std::int64_t place = grid.places[i];
+      const bool backward = place > right_angle;
+      const std::int64_t forward = backward ? 2 * right_angle - place : place;
+      const long double rest = static_cast<long double>(place) / static_cast<long double>(per_degree) -
+                               static_cast<long double>(angles[i]);
+      add(i, backward,
+          tables ? half_sine(static_cast<std::size_t>(forward / grid.unit))
+                 : std::sin(static_cast<long double>(forward) * radians / 2),
+          rest);
+    }
+    return folded;
+  }
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    const auto given = static_cast<long double>(angles[i]);
+    const bool backward = angles[i] > half_turn / 2;
     const long double theta =
         degrees ? (backward ? 180 - given : given) * (pi / 180) : (backward ? pi - given : given);
-    folded.push_back(fold(theta, backward, angle, unit));
+    add(i, backward, std::sin(std::max<long double>(theta, 0) / 2), 0);
   }
   return folded;
 }
@@ -161,8 +345,8 @@ std::vector<std::vector<std::size_t>> blocks_of_one_half(std::span<const Angle> 
   return blocks;
 }
 
-std::vector<AngleSums>
-sum_partial_waves(std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads) {
+std::vector<AngleSums> sum_partial_waves(
+    std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads, const VectorUnit& unit) {
   std::vector<AngleSums> sums(sets.size());
   for (auto& sum : sums) {
     sum.S1.resize(angles.size());
@@ -170,38 +354,122 @@ sum_partial_waves(std::span<const PartialWaves> sets, std::span<const Angle> ang
     sum.largest_partial.resize(angles.size());
   }
   if (sets.empty() || angles.empty()) return sums;
-  // A block that is not full repeats an angle: every lane does the same arithmetic.
-  const auto blocks = blocks_of_one_half(angles, block);
-  const auto work = [&](std::size_t i) {
-    const auto& members = blocks[i];
-    Block io;
-    for (std::size_t lane = 0; lane < block; ++lane) {
-      const auto& angle = angles[members[std::min(lane, members.size() - 1)]];
-      io.t[lane] = angle.t;
-      io.t_rest[lane] = angle.t_rest;
+
+  const auto order = sorted_by_t(angles);
+  std::vector<Point> points;
+  std::vector<Batch> batches;
+  bool used[2] = {};
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Angle& angle = angles[order[i]];
+    if (i > 0 && angle.t == points.back().t && angle.t_rest == points.back().t_rest) {
+      ++points.back().last;
+      continue;
     }
-    const bool backward = angles[members[0]].backward;
-    for (std::size_t set = 0; set < sets.size(); ++set) {
-      sum_block(backward ? sets[set].backward : sets[set].forward, io);
-      for (std::size_t lane = 0; lane < members.size(); ++lane) {
-        const std::complex<double> S2{io.S2_re[lane], io.S2_im[lane]};
-        sums[set].S1[members[lane]] = {io.S1_re[lane], io.S1_im[lane]};
-        sums[set].S2[members[lane]] = backward ? -S2 : S2;
-        sums[set].largest_partial[members[lane]] = io.largest_partial[lane];
+    const Form form = form_at(angle.t);
+    used[static_cast<int>(form)] = true;
+    if (batches.empty() || batches.back().form != form || batches.back().count == most_rows * unit.width)
+      batches.push_back({form, points.size(), 0, most_rows});
+    points.push_back({angle.t, angle.t_rest, i, i + 1});
+    ++batches.back().count;
+  }
+  double cost = 0;
+  for (Batch& batch : batches) {
+    if (batch.count <= unit.width) batch.rows = 1;
+    cost += static_cast<double>(batch.rows);
+  }
+
+  // tau_N reaches to pi_{N+1}.
+  const std::size_t count = (sets[0].count() + 2) / 2 * 2;
+  const auto tables = tables_for(count);
+  // Axis sums are looked at after each stretch.
+  const std::size_t stretch = std::clamp<std::size_t>(count / 64 * 2, 4, kernel::longest_stretch);
+  const kernel::Recurrence recurrence{
+      tables->e_weight.data(),
+      tables->q_weight.data(),
+      tables->minus_weight.data(),
+      tables->plus_weight.data(),
+
+      count,
+      stretch};
+  std::vector<std::vector<double>> weights[2];
+  std::vector<const double*> weights_of[2];
+  for (const auto& set : sets) {
+    if (used[0]) {
+      weights[0].emplace_back(set.weights().begin(), set.weights().end());
+      weights[0].back().resize(4 * count);
+    }
+    if (used[1]) weights[1].push_back(weights_of_q(set, count, *tables));
+  }
+  std::vector<double> sizes;
+  for (const auto& set : sets) sizes.push_back(size_of_coefficients(set));
+  const double one_rounding = epsilon / sum_rounding(sets[0].count());
+  for (std::size_t form = 0; form < 2; ++form)
+    for (const auto& weight : weights[form]) weights_of[form].push_back(weight.data());
+
+  const Sum sum_batch = sum_of(unit);
+  const auto work = [&](std::size_t item) {
+    const Batch& batch = batches[item];
+    const std::size_t lanes = batch.rows * unit.width;
+    std::vector<double> memory((3 + 10 * sets.size()) * lanes);
+    double* const t = memory.data();
+    double* const nearby = t + lanes;
+    double* const share = nearby + lanes;
+    double* const sum = share + lanes;
+    double* const largest = sum + 8 * sets.size() * lanes;
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+      // A batch that is not full repeats a point.
+      const Point& point = points[batch.first + std::min(lane, batch.count - 1)];
+      t[lane] = point.t;
+      nearby[lane] = point.t * (1 + std::copysign(2 * epsilon, point.t_rest)); // one place away or two
+      const double gap = nearby[lane] - point.t;
+      share[lane] = gap == 0 ? 0 : point.t_rest / gap;
+    }
+    const auto form = static_cast<std::size_t>(batch.form);
+    sum_batch(batch.form, batch.rows, recurrence, weights_of[form], {t, nearby, share, sum, largest});
+    for (std::size_t set = 0; set < sets.size(); ++set)
+      for (std::size_t lane = 0; lane < batch.count; ++lane) {
+        double low[4], high[4];
+        for (std::size_t c = 0; c < 4; ++c) {
+          low[c] = sum[(8 * set + c) * lanes + lane];
+          high[c] = sum[(8 * set + 4 + c) * lanes + lane];
+        }
+        const Point& point = points[batch.first + lane];
+        for (std::size_t i = point.first; i < point.last; ++i) {
+          const std::size_t angle = order[i];
+          const bool backward = angles[angle].backward;
+          double S[4];
+          for (std::size_t c = 0; c < 4; ++c)
+            if (batch.form == Form::axis) {
+              const double* const half = backward ? high : low;
+              S[c] = c < 2 ? half[c] + half[c + 2] : half[c - 2] - half[c];
+            } else {
+              S[c] = backward ? low[c] - high[c] : low[c] + high[c];
+            }
+          sums[set].S1[angle] = {S[0], S[1]};
+          sums[set].S2[angle] = {S[2], S[3]};
+          double partial = largest[(2 * set + backward) * lanes + lane];
+          if (batch.form != Form::axis) {
+            partial = 0;
+            for (std::size_t c = 0; c < 4; ++c) partial += low[c] * low[c] + high[c] * high[c];
+            // n^2 pi_n^2 sin(theta)^2 and tau_n^2 are n^3 / (pi sin(theta)) on average, and partial sums come
+            // to about half the root of the sum of all squares. The weights of pi_n are differences of
+            // coefficients, which may be much larger: pi_n^2 is n / (pi sin(theta)^3), and 4 roundings.
+            const double sine = std::sqrt(point.t * (2 - point.t));
+            partial += sizes[set] * (0.5 / sine + 16 * one_rounding * one_rounding / (sine * sine * sine)) /
+                       std::numbers::pi;
+          }
+          sums[set].largest_partial[angle] = partial;
+        }
       }
-    }
   };
-  const auto cost = static_cast<double>(sets[0].count() * sets.size() * blocks.size());
-  in_parallel(blocks.size(), cost, threads, work);
+  in_parallel(batches.size(), cost * static_cast<double>(count * sets.size()), threads, work);
   return sums;
 }
 
 double sum_rounding(std::size_t count) {
-  // The roundings of the sum walk at random. Without fused multiply-add t_rest is rounded away, and t's own
-  // rounding turns every partial wave the same way. The factors hold with room to spare for everything that
-  // was compared with 60 digits.
-  const auto terms = static_cast<double>(count);
-  return (12 + 8 * std::sqrt(terms) + (sums_are_fused() ? 0 : terms / 2)) * epsilon;
+  // The roundings of the sum walk at random. The factors hold with room to spare for everything that was
+  // compared with 60 digits.
+  return (12 + 8 * std::sqrt(static_cast<double>(count))) * epsilon;
 }
 
 void in_parallel(std::size_t items, double cost, int threads, const std::function<void(std::size_t)>& work) {

@@ -10,18 +10,19 @@
 /// S1 = sum (2n+1)/(n(n+1)) (a_n pi_n + b_n tau_n), S2 with pi_n and tau_n exchanged (Bohren & Huffman 4.74).
 namespace scatter::exact {
 
-/// Weights of pi_n + tau_n and pi_n - tau_n in S1 + S2 and S1 - S2; index 0 is n = 1.
-struct Weights {
-  std::vector<double> plus_re, plus_im, minus_re, minus_im;
-};
-
-/// One set of coefficients, as weights for both halves of the sphere.
-struct PartialWaves {
-  Weights forward, backward; ///< for theta up to 90 deg, and beyond with theta' = pi - theta
-
+/// One set of coefficients.
+class PartialWaves {
+public:
   /// Appends the next n: plus and minus are (2n+1)/(n(n+1)) (a_n +- b_n) / 2.
-  void add(std::complex<double> plus, std::complex<double> minus);
-  [[nodiscard]] std::size_t count() const { return forward.plus_re.size(); }
+  void add(std::complex<double> plus, std::complex<double> minus) {
+    weights_.insert(weights_.end(), {plus.real(), plus.imag(), minus.real(), minus.imag()});
+  }
+  [[nodiscard]] std::size_t count() const { return weights_.size() / 4; }
+  /// Four per n, as added.
+  [[nodiscard]] std::span<const double> weights() const { return weights_; }
+
+private:
+  std::vector<double> weights_;
 };
 
 enum class AngleUnit { radian, degree };
@@ -31,10 +32,15 @@ enum class AngleUnit { radian, degree };
 struct Angle {
   double t = 0, t_rest = 0; ///< t to twice the digits of a double
   bool backward = false;    ///< theta > 90 deg
-  double theta = 0;         ///< as given, counting as exact in its unit
+  double theta = 0;         ///< as given; theta + theta_rest counts as exact in its unit
+  double theta_rest = 0;
   AngleUnit unit = AngleUnit::radian;
 };
 
+/// Angles count as exact in their unit. Where all of them make an even grid in degrees, in any order, whose
+/// values are doubles next to decimals with up to six places (0:180:0.1), they count as those decimals: so
+/// the grid is even, and symmetric to 90 deg, to the last digit.
+///
 /// Throws InputError for an angle that is not in [0, pi] or [0, 180] deg.
 [[nodiscard]] std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit);
 
@@ -48,10 +54,21 @@ struct AngleSums {
   std::vector<double> largest_partial; ///< max over the sum's course of (|S1|^2 + |S2|^2) / 2
 };
 
+/// Instructions that the sums are compiled for.
+struct VectorUnit {
+  const char* name;  ///< "AVX-512", "AVX2", "plain"
+  std::size_t width; ///< doubles per vector
+};
+
+/// Those that this machine has, widest first; never empty.
+[[nodiscard]] std::span<const VectorUnit> vector_units();
+
 /// The amplitudes of several sets of coefficients, all of the same count, at the same angles. threads = 0:
-/// all cores. Each amplitude depends on its set and its angle alone, bit for bit.
-[[nodiscard]] std::vector<AngleSums>
-sum_partial_waves(std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads);
+/// all cores. Each amplitude depends on its set, its angle and the vector unit alone, bit for bit. Angles
+/// that come with their mirror image pi - theta cost half.
+[[nodiscard]] std::vector<AngleSums> sum_partial_waves(
+    std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads,
+    const VectorUnit& unit = vector_units()[0]);
 
 /// Rounding of a sum over `count` partial waves, relative to the root of its largest_partial.
 [[nodiscard]] double sum_rounding(std::size_t count);

@@ -1,0 +1,205 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+
+/// Internal to scatter::exact: the inner loops of the sum over partial waves, for vectors of any width.
+///
+/// One pass serves an angle and its mirror image pi - theta, as pi_n(pi - theta) = (-1)^(n+1) pi_n and
+/// tau_n(pi - theta) = (-1)^n tau_n: t = 1 - cos(theta) is within 0..1. Terms are taken in stretches: first
+/// the functions of a stretch are computed for some rows of vectors and stored (they stay in the nearest
+/// cache), then they are multiplied with the weights of each set. So neither the recurrence's latency nor the
+/// number of registers holds up the multiplications, and sets share the functions.
+///
+/// Every lane does the same operations whatever its neighbours hold and however many rows there are.
+namespace scatter::exact::kernel {
+
+#define SCATTER_KERNEL [[gnu::always_inline]] inline
+
+/// Most terms per stretch.
+constexpr std::size_t longest_stretch = 32;
+
+/// How pi_n and tau_n are brought about and added up; each form has the range of t in which it is both
+/// accurate and the cheapest.
+enum class Form {
+  /// Near the axis. q_n = pi_n / (n (n+1)) and e_n by first-order steps, which keep their digits down to t =
+  /// 0: e_{n+1} = e_n + (2n+1) n (n+1) t q_n, q_{n+1} = q_n - e_{n+1} / (n (n+1) (n+2)). From them pi_n -
+  /// tau_n = e_n + n^2 (n+1) t q_n and pi_n + tau_n, with weights of their own.
+  axis,
+  /// The same steps, but tau_n is left to the weights: tau_n = (n^2 pi_{n+1} - (n+1)^2 pi_{n-1}) / (2n+1).
+  /// Loses 1 / sin(theta) to the difference.
+  steps
+};
+
+/// What the recurrences need, index 0 is n = 1.
+struct Recurrence {
+  const double* e_weight = nullptr;     ///< (2n+1) n (n+1)
+  const double* q_weight = nullptr;     ///< -1 / (n (n+1) (n+2))
+  const double* minus_weight = nullptr; ///< n^2 (n+1)
+  const double* plus_weight = nullptr;  ///< 2n (n+1)
+  std::size_t count = 0;                ///< even
+  std::size_t stretch = 2;              ///< even, so that a place within a stretch tells the parity of n
+};
+
+/// Input and output for some points. Sums of set s, component c in 0..7 and point i stand at
+/// sums[(8 s + c) points + i]: for Form::axis, components 0..3 are (S1 + S2) / 2 and (S1 - S2) / 2 of theta,
+/// real and imaginary parts, 4..7 those of pi - theta. Otherwise 0..3 are S1 and S2 summed over odd n, 4..7
+/// over even n.
+struct Points {
+  const double* t = nullptr;
+  const double* nearby = nullptr; ///< a double close by, on the other side of the true value
+  const double* share = nullptr;  ///< how much of the way to `nearby` the true value is, 0..1/2
+  double* sums = nullptr;
+  /// [set][side][point]: max over the course of the sum of (|S1|^2 + |S2|^2) / 2 or more; side 0 is theta, 1
+  /// is pi - theta.
+  double* largest = nullptr;
+};
+
+template <std::size_t width>
+struct VectorOf {
+  typedef double type __attribute__((vector_size(width * sizeof(double))));
+};
+
+/// Adds a stretch of terms to one set's sums: `rows` rows from the first on, `parts` components each.
+/// stored[(term * all_rows + row) * functions + f].
+template <Form form, class Lanes, std::size_t all_rows, std::size_t rows, std::size_t parts>
+SCATTER_KERNEL void accumulate(
+    const Lanes* stored, std::size_t first_row, std::size_t first_part, const double* weights,
+    std::size_t terms, Lanes (*sums)[all_rows]) {
+  constexpr std::size_t functions = form == Form::axis ? 2 : 1;
+  Lanes even[rows][parts], odd[rows][parts];
+#pragma GCC unroll 8
+  for (std::size_t r = 0; r < rows; ++r)
+#pragma GCC unroll 8
+    for (std::size_t c = 0; c < parts; ++c) {
+      even[r][c] = sums[first_part + c][first_row + r];
+      odd[r][c] = sums[4 + first_part + c][first_row + r];
+    }
+  for (std::size_t k = 0; k < terms; k += 2)
+#pragma GCC unroll 2
+    for (std::size_t parity = 0; parity < 2; ++parity) {
+      const double* const weight = weights + 4 * (k + parity) + first_part;
+      const Lanes* const function = stored + ((k + parity) * all_rows + first_row) * functions;
+#pragma GCC unroll 8
+      for (std::size_t c = 0; c < parts; ++c) {
+        const double w = weight[c];
+#pragma GCC unroll 8
+        for (std::size_t r = 0; r < rows; ++r) {
+          if constexpr (form == Form::axis) {
+            // Weights 0 and 1 go with pi_n + tau_n, 2 and 3 with pi_n - tau_n; beyond 90 deg the other way
+            // round, with alternating sign.
+            const bool minus = first_part + c >= 2;
+            even[r][c] += w * function[2 * r + minus];
+            if (parity == 0)
+              odd[r][c] += w * function[2 * r + !minus];
+            else
+              odd[r][c] -= w * function[2 * r + !minus];
+          } else if (parity == 0) {
+            even[r][c] += w * function[r];
+          } else {
+            odd[r][c] += w * function[r];
+          }
+        }
+      }
+    }
+#pragma GCC unroll 8
+  for (std::size_t r = 0; r < rows; ++r)
+#pragma GCC unroll 8
+    for (std::size_t c = 0; c < parts; ++c) {
+      sums[first_part + c][first_row + r] = even[r][c];
+      sums[4 + first_part + c][first_row + r] = odd[r][c];
+    }
+}
+
+/// Sums all sets at width * rows points. `parts` components of `group` rows stay in registers at a time.
+/// weights: one pointer per set, four per term, padded with zeros to recurrence.count.
+template <Form form, std::size_t width, std::size_t rows, std::size_t group, std::size_t parts>
+SCATTER_KERNEL void
+sum_points(const Recurrence& recurrence, std::span<const double* const> weights, const Points& points) {
+  using Lanes = typename VectorOf<width>::type;
+  constexpr std::size_t functions = form == Form::axis ? 2 : 1;
+  constexpr std::size_t most_sets = 8; // what the nearest cache holds beside the stretch
+
+  Lanes nearest[rows], nearby[rows], share[rows];
+  __builtin_memcpy(nearest, points.t, sizeof nearest);
+  __builtin_memcpy(nearby, points.nearby, sizeof nearby);
+  __builtin_memcpy(share, points.share, sizeof share);
+  for (std::size_t first_set = 0; first_set < weights.size(); first_set += most_sets) {
+    const std::size_t sets = std::min(most_sets, weights.size() - first_set);
+    Lanes sums[most_sets][8][rows], largest[most_sets][2][rows];
+    for (std::size_t s = 0; s < sets; ++s)
+      for (std::size_t r = 0; r < rows; ++r) {
+        for (std::size_t c = 0; c < 8; ++c) sums[s][c][r] = Lanes{};
+        largest[s][0][r] = largest[s][1][r] = Lanes{};
+      }
+    Lanes q[rows], e[rows], owed[rows];
+    for (std::size_t r = 0; r < rows; ++r) {
+      q[r] = Lanes{} + 0.5;
+      e[r] = owed[r] = Lanes{};
+    }
+    Lanes stored[longest_stretch * rows * functions];
+    for (std::size_t first = 0; first < recurrence.count; first += recurrence.stretch) {
+      const std::size_t terms = std::min(recurrence.stretch, recurrence.count - first);
+      // t's own rounding would turn every partial wave the same way; it takes turns with its
+      // neighbour so that on average both make the true value.
+      Lanes t[rows], q_n[rows], e_n[rows];
+#pragma GCC unroll 8
+      for (std::size_t r = 0; r < rows; ++r) {
+        owed[r] += share[r];
+        t[r] = owed[r] >= 0.5 ? nearby[r] : nearest[r];
+        owed[r] -= owed[r] >= 0.5 ? Lanes{} + 1 : Lanes{};
+        q_n[r] = q[r];
+        e_n[r] = e[r];
+      }
+      for (std::size_t k = 0; k < terms; ++k) {
+        const double e_weight = recurrence.e_weight[first + k];
+        const double q_weight = recurrence.q_weight[first + k];
+#pragma GCC unroll 8
+        for (std::size_t r = 0; r < rows; ++r) {
+          if constexpr (form == Form::axis) {
+            const Lanes minus = (recurrence.minus_weight[first + k] * t[r]) * q_n[r] + e_n[r];
+            stored[(k * rows + r) * 2] = recurrence.plus_weight[first + k] * q_n[r] - minus;
+            stored[(k * rows + r) * 2 + 1] = minus;
+          } else {
+            stored[k * rows + r] = q_n[r];
+          }
+          e_n[r] += (e_weight * t[r]) * q_n[r];
+          q_n[r] += q_weight * e_n[r];
+        }
+      }
+#pragma GCC unroll 8
+      for (std::size_t r = 0; r < rows; ++r) {
+        q[r] = q_n[r];
+        e[r] = e_n[r];
+      }
+      for (std::size_t s = 0; s < sets; ++s) {
+        const double* const w = weights[first_set + s] + 4 * first;
+        for (std::size_t row = 0; row < rows; row += group)
+          for (std::size_t part = 0; part < 4; part += parts)
+            accumulate<form, Lanes, rows, group, parts>(stored, row, part, w, terms, sums[s]);
+        // Otherwise the caller knows a bound that costs less.
+        if constexpr (form != Form::axis) continue;
+        for (std::size_t r = 0; r < rows; ++r) {
+          Lanes low{}, high{};
+#pragma GCC unroll 4
+          for (std::size_t c = 0; c < 4; ++c) {
+            low += sums[s][c][r] * sums[s][c][r];
+            high += sums[s][c + 4][r] * sums[s][c + 4][r];
+          }
+          largest[s][0][r] = low > largest[s][0][r] ? low : largest[s][0][r];
+          largest[s][1][r] = high > largest[s][1][r] ? high : largest[s][1][r];
+        }
+      }
+    }
+    constexpr std::size_t all = width * rows;
+    for (std::size_t s = 0; s < sets; ++s) {
+      __builtin_memcpy(points.sums + (first_set + s) * 8 * all, sums[s], sizeof sums[s]);
+      __builtin_memcpy(points.largest + (first_set + s) * 2 * all, largest[s], sizeof largest[s]);
+    }
+  }
+}
+
+#undef SCATTER_KERNEL
+
+} // namespace scatter::exact::kernel
