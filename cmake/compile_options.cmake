@@ -9,6 +9,6 @@ if(SCATTER_SANITIZE)
   target_compile_options(scatter_options INTERFACE -fsanitize=${SCATTER_SANITIZE} -fno-omit-frame-pointer
                                                    -fno-sanitize-recover=all)
   # GCC's own library looks uninitialised to it once sanitizers have changed the code; the sanitizers see better.
-  target_compile_options(scatter_options INTERFACE -Wno-maybe-uninitialized)
+  target_compile_options(scatter_options INTERFACE "$<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>")
   target_link_options(scatter_options INTERFACE -fsanitize=${SCATTER_SANITIZE})
 endif()

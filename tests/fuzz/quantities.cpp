@@ -1,6 +1,7 @@
 // Every reader of quantities: the first byte picks one, the rest is its text. Whatever the text, the answer
 // keeps its promise (finite, in its domain, in order) or is an InputError of one line.
 #include "check.hpp"
+#include <scatter/drop/size_distribution.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/refractive_index.hpp>
 #include <scatter/optics/units.hpp>
@@ -55,6 +56,15 @@ void read(int reader, std::string_view text) {
     // The name that goes into files reads back as the same source.
     const auto again = scatter::parse_index_source(scatter::index_source_name(source));
     SCATTER_FUZZ_CHECK(again.kind == source.kind && again.value == source.value);
+    break;
+  }
+  case 'd': {
+    if (text.starts_with("list:")) return; // any file of this machine
+    const auto sizes = scatter::drop::parse_size_distribution(text);
+    const auto [smallest, largest] = sizes.range(1e-5);
+    SCATTER_FUZZ_CHECK(smallest > 0 && smallest < largest && std::isfinite(largest));
+    for (const double radius : {smallest, std::sqrt(smallest) * std::sqrt(largest), largest})
+      SCATTER_FUZZ_CHECK(sizes.density(radius) >= 0 && std::isfinite(sizes.density(radius)));
     break;
   }
   default:
