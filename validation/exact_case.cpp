@@ -121,10 +121,9 @@ Row run_sphere_row(const json& truth, int threads) {
   row.over_estimate = larger(efficiencies, row.amplitudes) / found.error_estimate;
   if (row.x <= 5e4) { // exact/mie.hpp
     row.efficiencies_bound = 1e-13;
-    row.amplitudes_bound = row.name == "on a narrow resonance"       ? 1e-9
-                           : row.name == "beside a narrow resonance" ? 5e-14
-                           : std::abs(row.index - 1.0) < 1e-3        ? 5e-12
-                                                                     : 5e-15;
+    row.amplitudes_bound = row.name == "on a narrow resonance" ? 1e-9
+                           : std::abs(row.index - 1.0) < 1e-3  ? 1e-10
+                                                               : 1e-12;
   }
   return row;
 }
@@ -201,9 +200,10 @@ Row run_cylinder_row(const json& truth) {
     }
   }
   row.efficiencies_bound = 1e-15; // exact/cylinder.hpp
-  row.amplitudes_bound = row.name == "on a narrow resonance" ? 1e-9
-                         : std::abs(row.index - 1.0) < 1e-3  ? 5e-12
-                                                             : 5e-15;
+  row.amplitudes_bound = row.name == "on a narrow resonance"       ? 1e-9
+                         : row.name == "beside a narrow resonance" ? 5e-14
+                         : std::abs(row.index - 1.0) < 1e-3        ? 5e-12
+                                                                   : 5e-15;
   return row;
 }
 
@@ -223,9 +223,7 @@ std::string time_text(double seconds) {
 }
 
 std::string orders_text(const std::vector<int>& orders) {
-  std::string text;
-  for (const int p : orders) text += (text.empty() ? "" : ",") + fmt::format("{}", p);
-  return text;
+  return fmt::format("{}", fmt::join(orders, ","));
 }
 
 void add_bodies(CaseReport& report, const std::vector<Row>& rows) {
