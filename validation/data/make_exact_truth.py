@@ -26,7 +26,7 @@ DROPS = [
     ("drop of 5 um at 10 um", 2 * PI * 5 / 10, INFRARED, BOWS),
     ("drop of 5 um at 200 nm", 2 * PI * 5 / 0.2, ULTRAVIOLET, BOWS),
     ("drop of 3 mm at 10 um", 2 * PI * 3000 / 10, INFRARED, BOWS),
-    ("drop of 1 mm at 650 nm, on its bows", 2 * PI * 1000 / 0.65, 1.333, BOWS),
+    ("drop of 1 mm, on its bows", 2 * PI * 1000 / 0.65, 1.333, BOWS),
     ("drop of 3 mm at 200 nm", 2 * PI * 3000 / 0.2, ULTRAVIOLET, BOWS),
 ]
 
