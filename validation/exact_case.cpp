@@ -293,7 +293,7 @@ void add_bodies(CaseReport& report, const std::vector<Row>& rows) {
   }
   report.blocks.emplace_back(Heading{"Hard cases"});
   report.blocks.emplace_back(Paragraph{
-      "Every body where public codes lose digits or fail: tiny x, x at a multiple of pi, hardly any "
+      "Bodies of the kinds that make codes lose digits: tiny x, x at a multiple of pi, hardly any "
       "absorption and metals, an index next to 1 and below it, the narrow resonance of b<sub>68</sub> at x "
       "= 49.9386, the poles, x = 50,000; cylinders at tilts to 89.5 deg and at their critical tilt. The "
       "truth is the textbook's formulas (for cylinders Maxwell's boundary conditions) with 50 digits and "
@@ -410,9 +410,9 @@ void add_bows(CaseReport& report, const Settings& settings, const Progress& prog
   }
   report.blocks.emplace_back(Paragraph{
       "Airy's theory puts the bow and its supernumeraries at the zeros z_k of Ai', on a scale that the "
-      "curvature h of the deflection and x set. The Debye series knows no such approximation: with growing x "
-      "its maxima move towards Airy's as x^(-2/3). The last column takes that away with the three largest x, "
-      "and what is left is of order x^(-2)."});
+      "curvature h of the deflection and x set. The Debye series knows no such approximation: with growing "
+      "x its maxima move towards Airy's as x^(-2/3). The column <i>x to infinity</i> takes that away, and "
+      "the next power, with the three largest x; what is left is of order x^(-2)."});
   report.blocks.emplace_back(std::move(constants_table));
 
   Table peaks{
