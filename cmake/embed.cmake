@@ -1,4 +1,5 @@
-# scatter_embed(SYMBOL FILE): makes <embedded/SYMBOL.hpp> for the library's own sources, with
+# scatter_embed(SYMBOL FILE): makes <embedded/SYMBOL.hpp> for the sources of the library and of the
+# validation, with
 #   inline constexpr std::string_view scatter::embedded::SYMBOL
 # that holds the text of FILE (relative to the project), so that an installed library needs no data folder.
 function(scatter_embed symbol file)

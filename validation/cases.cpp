@@ -25,6 +25,8 @@ const std::vector<Case>& cases() {
       {"energy", "energy of every order of a falling drop: over directions and in the rays", run_energy},
       {"bow-angles", "geometric bow angles of spheres, spheroids and raindrops against published ones",
        run_bow_angles},
+      {"exact", "exact spheres, Debye series and cylinders at their hard cases against arbitrary precision",
+       run_exact},
   };
   return all;
 }

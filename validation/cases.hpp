@@ -45,5 +45,9 @@ struct Case {
 [[nodiscard]] CaseReport run_energy(const Settings& settings, const Progress& progress);
 /// Geometric bow angles of spheres, spheroids and raindrops against published ones.
 [[nodiscard]] CaseReport run_bow_angles(const Settings& settings, const Progress& progress);
+/// The exact references themselves: hard spheres, Debye series and cylinders against arbitrary precision,
+/// with error, error estimate and time; Airy's and the Debye series' bows against published maxima. Of the
+/// settings only threads and quick count.
+[[nodiscard]] CaseReport run_exact(const Settings& settings, const Progress& progress);
 
 } // namespace scatter::validation

@@ -63,7 +63,7 @@ namespace {
 constexpr const char* style = R"(
 :root { color-scheme: light; }
 body { font: 16px/1.5 "DejaVu Sans", Verdana, sans-serif; color: #1c2530; background: #fff; margin: 0 auto;
-       padding: 1.5rem; max-width: 62rem; }
+       padding: 1.5rem; max-width: 64rem; }
 h1 { font-size: 1.7rem; margin: 0 0 .3rem; }
 h2 { font-size: 1.3rem; margin: 2.8rem 0 .5rem; padding-top: .8rem; border-top: 2px solid #1f5f8b; }
 h3 { font-size: 1.05rem; margin: 1.8rem 0 .3rem; }
@@ -73,7 +73,7 @@ p, li { max-width: 52rem; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .88rem; margin: .6rem 0 1rem; }
 caption { text-align: left; font-weight: bold; padding-bottom: .35rem; caption-side: top; }
-th, td { padding: .22rem .7rem; border-bottom: 1px solid #d9dfe5; text-align: right; white-space: nowrap;
+th, td { padding: .22rem .5rem; border-bottom: 1px solid #d9dfe5; text-align: right; white-space: nowrap;
          font-variant-numeric: tabular-nums; }
 thead th { border-bottom: 2px solid #8796a5; vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
@@ -137,6 +137,11 @@ Table checks_table(const CaseReport& one) {
     table.rows.push_back(
         {check.name, fmt::format("{:.3g} {}", check.value, check.unit),
          fmt::format("{:.3g} {}", check.bound, check.unit), check.holds() ? "yes" : "NO"});
+  // A long list of what holds is for those who want it; what does not must be seen.
+  constexpr std::size_t long_list = 40;
+  table.folded = table.rows.size() > long_list &&
+                 std::ranges::all_of(one.checks, [](const Check& c) { return c.holds(); });
+  if (table.folded) table.caption += fmt::format(" ({} of {} hold)", table.rows.size(), table.rows.size());
   return table;
 }
 

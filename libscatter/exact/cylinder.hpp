@@ -64,11 +64,11 @@ struct CylinderResult {
 ///
 /// Accuracy against Maxwell's equations solved with 50 digits, 32 cylinders, x <= 5000, tilt <= 89.5 deg: the
 /// Q's 1e-15; T 1e-16 .. 5e-15 of max |T| at the same angle, except 5e-12 for m = 1.0001 near 180 deg
-/// (partial waves cancel to 1e-5 there) and 1e-9 on the peak of a resonance of width 1e-9 in x; Debye terms
-/// 2e-15 of their largest value, 1e-13 where absorption leaves 1e-100 of them. error_estimate stayed above
-/// the error of these and of 220 random cylinders, mostly by 3 to 12. Up to x = 1e5 it computes the same
-/// way, not compared. The angles count as exact: rounding one to radians moves the phase of T by x times
-/// 2e-16; see cylinder_at_degrees.
+/// (partial waves cancel to 1e-5 there), 1e-9 on the peak of a resonance of width 1e-9 in x and 5e-14 when
+/// 3e-7 beside it; Debye terms 2e-15 of their largest value, 1e-13 where absorption leaves 1e-100 of them.
+/// error_estimate stayed above the error of these and of 220 random cylinders, mostly by 3 to 12. Up to x =
+/// 1e5 it computes the same way, not compared. The angles count as exact: rounding one to radians moves the
+/// phase of T by x times 2e-16; see cylinder_at_degrees.
 ///
 /// Cost: x (|m| + 1) long double steps for the coefficients, and again x for each Debye order up to the
 /// highest; then about x / 4 vectorised steps per angle, thrice, and thrice more for each order given.

@@ -113,6 +113,9 @@ bool drawable(double y, bool log_y) {
 std::vector<std::size_t> thin(const Curve& curve, bool log_y, double first, double last, int bins) {
   std::vector<std::size_t> kept;
   std::size_t i = 0;
+  if (curve.points)
+    for (; i < curve.x.size(); ++i)
+      if (drawable(curve.y[i], log_y)) kept.push_back(i);
   while (i < curve.x.size()) {
     if (!drawable(curve.y[i], log_y)) {
       if (kept.empty() || kept.back() + 1 == i) kept.push_back(i);
@@ -373,9 +376,13 @@ std::string draw(const Plot& plot, PictureFormat format) {
           colours[i]));
   for (std::size_t i = 0; i < plot.curves.size(); ++i) {
     const Curve& curve = plot.curves[i];
+    const bool marks = curve.points || curve.x.size() == 1;
     append(fmt::format(
-        "$curve{} using 1:2 with {} lc rgb '{}' lw {}{} {}", i, curve.x.size() == 1 ? "points pt 7" : "lines",
-        colours[i], curve.width, curve.dashed && curve.x.size() > 1 ? " dt 2" : "",
+        "$curve{} using 1:2 with {} lc rgb '{}' lw {}{} {}", i,
+        !marks                         ? "lines"
+        : curve.points && curve.dashed ? "points pt 6"
+                                       : "points pt 7",
+        colours[i], curve.width, curve.dashed && !marks ? " dt 2" : "",
         curve.label.empty() ? "notitle" : "title " + quoted(curve.label)));
   }
   s.line("{}", command);

@@ -20,6 +20,8 @@ struct Curve {
   std::string colour{}; ///< "#rrggbb"; empty: the next of a palette that the colour-blind can tell apart
   double width = 1.5;   ///< of the line, in points
   bool dashed = false;
+  /// A mark for every point instead of a line, open if `dashed`; x in any order.
+  bool points = false;
 };
 
 /// A bar of colours above the curves, aligned with their x axis.

@@ -65,6 +65,28 @@ TEST(Plot, IsTheSameForTheSameInput) {
   EXPECT_EQ(draw(example(), PictureFormat::svg), draw(example(), PictureFormat::svg));
 }
 
+TEST(Plot, PointsAreMarkedOneByOneInAnyOrder) {
+  Plot plot{.title = "", .x_label = "x", .y_label = "y"};
+  Curve curve;
+  curve.points = true;
+  for (int i = 0; i < 60; ++i) {
+    curve.x.push_back(i % 2); // many at one place of the axis
+    curve.y.push_back(i);
+  }
+  plot.curves.push_back(curve);
+  const auto marks = [](const std::string& svg, const std::string& symbol) {
+    std::size_t count = 0;
+    for (std::size_t at = svg.find(symbol); at != std::string::npos; at = svg.find(symbol, at + 1)) ++count;
+    return count;
+  };
+  const std::string full = draw(plot, PictureFormat::svg);
+  plot.curves[0].dashed = true;
+  const std::string open = draw(plot, PictureFormat::svg);
+  EXPECT_EQ(marks(full, "href='#gpPt6'"), 60u);
+  // Gnuplot's definitions of symbols use one another: the same in every picture.
+  EXPECT_EQ(marks(open, "href='#gpPt5'"), 60u + marks(full, "href='#gpPt5'"));
+}
+
 TEST(Plot, LongCurvesAreThinnedButKeepTheirPeaks) {
   Plot plot{.title = "", .x_label = "x", .y_label = "y"};
   Curve curve;

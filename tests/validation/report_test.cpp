@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <validation/bow_peaks.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -62,7 +63,7 @@ TEST_F(QuickReport, HoldsEveryCaseAndSaysThatItIsQuick) {
   EXPECT_THAT(*html, HasSubstr("A quick run."));
   std::vector<std::string> names;
   for (const auto& one : (*json)["cases"]) names.push_back(one["name"]);
-  EXPECT_THAT(names, ElementsAre("sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles"));
+  EXPECT_THAT(names, ElementsAre("sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "exact"));
   EXPECT_THAT(outcome->errors, IsEmpty());
 }
 
@@ -75,7 +76,9 @@ TEST_F(QuickReport, PublishedBoundsHold) {
       EXPECT_EQ(check["holds"].get<bool>(), value <= bound) << check;
       EXPECT_LE(value, bound) << one["name"] << " " << check;
     }
-  EXPECT_GE(checks, 27U); // 20 bows, 4 orders' energies, 3 maxima
+  // 20 bows, 4 orders' energies, 3 maxima; of the exact theories: 7 constants, 10 maxima, 6 limits, 2 or 3
+  // per body
+  EXPECT_GE(checks, 27U + 23U + 2 * 72U);
 }
 
 TEST_F(QuickReport, SphereErrorsAreThoseOfTheMethod) {
@@ -111,6 +114,54 @@ TEST_F(QuickReport, SphereErrorsAreThoseOfTheMethod) {
   for (const auto& entry : find("sphere")["cross_sections"]) {
     const double x = 2 * 3.14159265 * entry["radius_m"].get<double>() / entry["wavelength_m"].get<double>();
     EXPECT_NEAR(entry["relative_difference"].get<double>(), -std::pow(x, -2.0 / 3), std::pow(x, -2.0 / 3));
+  }
+}
+
+TEST_F(QuickReport, ExactTheoriesAreHeldToTruthAtTheirHardCases) {
+  const auto& exact = find("exact");
+  std::map<std::string, int> bodies;
+  double smallest = 1, largest = 0, worst = 0;
+  for (const auto& body : exact["bodies"]) {
+    ++bodies[body["theory"]];
+    smallest = std::min(smallest, body["x"].get<double>());
+    largest = std::max(largest, body["x"].get<double>());
+    worst = std::max(worst, body["amplitudes_error"].get<double>());
+    EXPECT_GT(body["seconds"].get<double>(), 0) << body;
+    EXPECT_GT(body["error_estimate"].get<double>(), 0) << body;
+  }
+  EXPECT_THAT(
+      bodies,
+      ElementsAre(
+          testing::Pair("Debye series", 12), testing::Pair("cylinder", 32), testing::Pair("sphere", 29)));
+  EXPECT_EQ(smallest, 1e-6);
+  EXPECT_GE(largest, 5e4);
+  // An error of exactly zero everywhere would mean that something is compared with itself.
+  EXPECT_GT(worst, 1e-14);
+  EXPECT_EQ(exact["debye_peaks"].size(), 10U);
+  EXPECT_LT(exact["seconds"].get<double>(), 60); // five alone; tests share the machine
+}
+
+TEST(BowPeaks, AreThoseOfAiryAndOfTheirTheory) {
+  // Ai'(-z) = 0, Abramowitz & Stegun table 10.13.
+  EXPECT_NEAR(validation::airy_maximum(1), 1.01879297, 1e-8);
+  EXPECT_NEAR(validation::airy_maximum(2), 3.24819758, 1e-8);
+  EXPECT_NEAR(validation::airy_maximum(5), 7.37217726, 1e-8);
+  // Rays turn by pi (p - 1) + 2 i - 2 p r; at the bow that is least, and grows with h b^2.
+  for (const int p : {2, 3}) {
+    const double n = 1.4;
+    const auto turned = [&](double b) {
+      return (p - 1) * M_PI + 2 * std::asin(b) - 2 * p * std::asin(b / n);
+    };
+    double least = 10, at = 0;
+    for (double b = 0; b < 1; b += 1e-5)
+      if (turned(b) < least) {
+        least = turned(b);
+        at = b;
+      }
+    const double step = 1e-3, bend = (turned(at - step) - 2 * least + turned(at + step)) / (step * step);
+    EXPECT_NEAR(validation::bow_curvature(n, p), bend / 2, 1e-3 * bend) << p;
+    const double theta = std::abs(std::remainder(least, 2 * M_PI)) * 180 / M_PI;
+    EXPECT_NEAR(validation::geometric_bow_deg(n, p), theta, 1e-6) << p;
   }
 }
 
@@ -152,7 +203,7 @@ TEST_F(QuickReport, PageIsWholeAndFetchesNothing) {
     EXPECT_EQ(page.find(what), std::string::npos) << what;
   std::size_t figures = 0;
   for (std::size_t at = page.find("<svg"); at != std::string::npos; at = page.find("<svg", at + 1)) ++figures;
-  EXPECT_EQ(figures, 5U);
+  EXPECT_EQ(figures, 6U);
   for (std::size_t at = page.find("href="); at != std::string::npos; at = page.find("href=", at + 1))
     EXPECT_EQ(page[at + 6], '#') << page.substr(at, 60);
   for (const char* const nonsense : {"nan", "inf "})
@@ -164,6 +215,7 @@ TEST(Validate, ListsItsCases) {
   EXPECT_EQ(outcome.exit_code, 0);
   EXPECT_THAT(outcome.output, HasSubstr("figure-3.12"));
   EXPECT_THAT(outcome.output, HasSubstr("bow-angles"));
+  EXPECT_THAT(outcome.output, HasSubstr("exact"));
 }
 
 class Refused : public testing::TestWithParam<std::tuple<std::vector<std::string>, const char*>> {};
