@@ -438,7 +438,7 @@ def page(report):
     out += ["", "## What each cannot do", ""]
     for code, about in report["codes"].items():
         words = [f"does not install: {about['failure']}"] if "failure" in about else cannot(report["accuracy"][code], report["limits"][code])
-        out.append(f"- **{code}**: " + ("nothing of what was asked" if not words else ""))
+        out.append(f"- **{code}**: " + ("answers all that was asked" if not words else ""))
         out += [f"  - {word}" for word in words]
     out += ["", "## Every case", "", "Errors Q / g / S / S without the angles beside 0 and 180 deg.", ""]
     codes = list(report["accuracy"])
