@@ -69,14 +69,16 @@ std::string drop_in_words(const TableHeader& head) {
              radius = find_constant(head.provenance, "radius_m"),
              ratio = find_constant(head.provenance, "axis_ratio");
   std::string words = shape.value_or("of unknown shape");
-  if (radius) {
+  // Constants are text, and other people's files may hold any.
+  const auto number = [](const std::string& text, double unit, const char* name) {
     try {
-      words += fmt::format(", radius {:.6g} mm", std::stod(*radius) * 1e3);
+      return fmt::format("{:.6g}{}", std::stod(text) * unit, name);
     } catch (const std::exception&) {
-      words += ", radius " + *radius + " m";
+      return text;
     }
-  }
-  if (ratio && *ratio != "1") words += fmt::format(", height/width {:.5}", *ratio);
+  };
+  if (radius) words += ", radius " + number(*radius, 1e3, " mm");
+  if (ratio && *ratio != "1") words += ", height/width " + number(*ratio, 1, "");
   return words;
 }
 

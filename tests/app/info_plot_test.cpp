@@ -55,6 +55,17 @@ TEST(InfoVerb, TellsInWordsWhatIsInside) {
   }
 }
 
+TEST(InfoVerb, RoundsTheAxisRatioOfADrop) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("drop.json");
+  ASSERT_EQ(
+      run({"phase", "--radius", "0.5mm", "--sun", "20deg", "--wavelength", "650nm", "--rays", "50", "--theta",
+           "130:150:5deg", "--phi", "0deg", "--output", file})
+          .exit_code,
+      0);
+  EXPECT_THAT(run({"info", file}).output, HasSubstr("radius 0.5 mm, height/width 0.987674\n"));
+}
+
 TEST(InfoVerb, TellsMachinesTheSame) {
   const TemporaryFolder folder;
   const Outcome outcome = run({"info", "--json", write_example(folder, "a.nc", true)});
