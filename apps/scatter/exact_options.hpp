@@ -1,5 +1,6 @@
 #pragma once
 
+#include "option_readers.hpp"
 #include <scatter/optics/errors.hpp>
 #include <scatter/table/atomic_file.hpp>
 
@@ -17,16 +18,6 @@
 /// What the verbs with exact solutions, `mie` with its averages and `cylinder`, share: size and index as
 /// typed, and files in JSON and CSV.
 namespace scatter::app {
-
-/// Reads one option's text; whatever is wrong with it then names the option.
-template <typename Reader>
-auto read(const char* option, const std::string& text, Reader&& reader) {
-  try {
-    return reader(text);
-  } catch (const InputError& error) {
-    throw InputError(std::string(option) + ": " + error.what());
-  }
-}
 
 /// The body's options as typed.
 struct BodyTexts {

@@ -8,6 +8,7 @@
 // `finest_level`. --check measures what that costs.
 #include "lee.hpp"
 
+#include "option_readers.hpp"
 #include <scatter/exact/mie.hpp>
 #include <scatter/exact/sun_disc.hpp>
 #include <scatter/optics/errors.hpp>
@@ -54,24 +55,6 @@ struct Lee {
   int threads = 0;
 };
 
-template <typename Reader>
-auto read(const char* option, const std::string& text, Reader&& reader) {
-  try {
-    return reader(text);
-  } catch (const InputError& error) {
-    throw InputError(std::string(option) + ": " + error.what());
-  }
-}
-
-long whole_number(const char* option, std::string_view text, long least, long most) {
-  long value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || value < least || value > most)
-    throw InputError(
-        fmt::format("{}: {} is no whole number from {} to {}", option, quote(text), least, most));
-  return value;
-}
-
 /// "10um:1mm", "120:150deg": a unit at the end holds for a bare first number.
 template <typename Reader>
 std::pair<double, double> parse_span(const std::string& text, Reader&& reader, const char* example) {
@@ -106,10 +89,8 @@ Lee parse(const LeeTexts& texts) {
   const auto cross = texts.size.find('x');
   if (cross == std::string::npos)
     throw InputError("--size: " + quote(texts.size) + " is not RADIIxANGLES, such as 400x600");
-  lee.columns = static_cast<std::size_t>(
-      whole_number("--size", std::string_view(texts.size).substr(0, cross), 100, 10000));
-  lee.rows = static_cast<std::size_t>(
-      whole_number("--size", std::string_view(texts.size).substr(cross + 1), 100, 10000));
+  lee.columns = static_cast<std::size_t>(whole_number("--size", texts.size.substr(0, cross), 100, 10000));
+  lee.rows = static_cast<std::size_t>(whole_number("--size", texts.size.substr(cross + 1), 100, 10000));
   lee.sun_disc_deg = read("--sun-disc", texts.sun_disc, parse_angle_deg);
   if (!(lee.sun_disc_deg >= 0.01 && lee.sun_disc_deg <= 60))
     throw InputError(
@@ -144,7 +125,7 @@ Lee parse(const LeeTexts& texts) {
     throw InputError(
         "--normalise: " + quote(texts.normalise) + " is not known; use radius, chromaticity or common");
   lee.spheres = static_cast<int>(whole_number("--spheres", texts.spheres, 1, 1000));
-  lee.threads = static_cast<int>(whole_number("--threads", texts.threads, 0, 4096));
+  lee.threads = thread_count(texts.threads);
   return lee;
 }
 

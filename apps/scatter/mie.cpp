@@ -10,7 +10,6 @@
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <memory>
@@ -42,14 +41,6 @@ struct Answer {
   std::optional<exact::DebyeResult> debye;
   double seconds = 0;
 };
-
-int thread_count(const std::string& text) {
-  int count = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), count);
-  if (error != std::errc{} || end != text.data() + text.size() || count < 0 || count > 4096)
-    throw InputError("--threads: " + quote(text) + " is not a number of threads; use 0 (all cores) to 4096");
-  return count;
-}
 
 Request parse(const Texts& texts) {
   Request request;

@@ -15,7 +15,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <iostream>
@@ -30,15 +29,6 @@ struct Request {
   exact::AverageRequest average;
   Constants constants;
 };
-
-long whole_number(const char* option, const std::string& text, long least, long most, const char* of_what) {
-  long value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || value < least || value > most)
-    throw InputError(
-        fmt::format("{}: {} is not a number of {}; use {} to {}", option, quote(text), of_what, least, most));
-  return value;
-}
 
 std::pair<double, double> parse_band(const std::string& text) {
   const auto colon = text.find(':');
@@ -136,12 +126,12 @@ Request parse(const AverageTexts& average, const SphereTexts& sphere) {
   constant("tolerance", fmt::format("{}", wanted.tolerance));
   if (average.spheres)
     wanted.most_spheres =
-        static_cast<std::size_t>(whole_number("--spheres", *average.spheres, 1, 1000000000, "spheres"));
+        static_cast<std::size_t>(whole_number("--spheres", *average.spheres, 1, 1000000000));
   wanted.theta_deg = read("--angles", sphere.angles, parse_angles_deg);
   for (const double angle : wanted.theta_deg)
     if (!(angle >= 0 && angle <= 180))
       throw InputError(fmt::format("--angles: {} deg is outside 0deg..180deg", angle));
-  wanted.threads = static_cast<int>(whole_number("--threads", sphere.threads, 0, 4096, "threads"));
+  wanted.threads = thread_count(sphere.threads);
 
   // The tails that are left out must not show next to the tolerance.
   const double share = std::min(1e-5, 1e-3 * wanted.tolerance);

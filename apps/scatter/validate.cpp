@@ -1,4 +1,5 @@
 // scatter validate: runs validation cases and writes a report.
+#include "option_readers.hpp"
 #include "verbs.hpp"
 #include <scatter/compute/device.hpp>
 #include <scatter/optics/errors.hpp>
@@ -31,25 +32,6 @@ struct Texts {
   std::optional<std::string> radius, wavelengths, rays, orders;
   bool list = false, quick = false;
 };
-
-/// Reads one option's text; whatever is wrong with it then names the option.
-template <typename Reader>
-auto read(const char* option, const std::string& text, Reader&& reader) {
-  try {
-    return reader(text);
-  } catch (const InputError& error) {
-    throw InputError(std::string(option) + ": " + error.what());
-  }
-}
-
-int whole_number(const char* option, const std::string& text, int least, int most) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || value < least || value > most)
-    throw InputError(
-        fmt::format("{}: {} is not a whole number from {} to {}", option, quote(text), least, most));
-  return value;
-}
 
 std::vector<validation::Case> chosen_cases(const std::string& names) {
   const auto& all = validation::cases();
@@ -95,9 +77,9 @@ validation::Settings settings_of(const Texts& texts) {
       return refractive_index(settings.index, wavelength);
     });
   }
-  if (texts.rays) settings.rays = whole_number("--rays", *texts.rays, 2, 20000);
+  if (texts.rays) settings.rays = static_cast<int>(whole_number("--rays", *texts.rays, 2, 20000));
   if (texts.orders) settings.orders = read("--orders", *texts.orders, parse_orders);
-  settings.threads = whole_number("--threads", texts.threads, 0, 4096);
+  settings.threads = thread_count(texts.threads);
   return settings;
 }
 

@@ -3,16 +3,10 @@
 // a second sum, which halves the work of full pairs.
 
 #include <scatter/exact/extended_partial_waves.hpp>
+#include <scatter/exact/vector_clones.hpp>
 
 #include <algorithm>
 #include <cmath>
-
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&     \
-    !defined(__SANITIZE_THREAD__)
-#define SCATTER_VECTOR_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-#else
-#define SCATTER_VECTOR_CLONES
-#endif
 
 namespace scatter::exact {
 namespace {

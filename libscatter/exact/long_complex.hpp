@@ -34,7 +34,7 @@ inline real norm(LongComplex a) {
   return a.re * a.re + a.im * a.im;
 }
 inline real abs(LongComplex a) {
-  return std::hypot(a.re, a.im);
+  return std::sqrt(norm(a)); // a long double's square does not overflow here; hypot costs far more
 }
 inline LongComplex conj(LongComplex a) {
   return {a.re, -a.im};

@@ -8,6 +8,7 @@
 //   closed form.
 // The sum over partial waves is partial_waves.cpp's.
 
+#include <scatter/exact/long_complex.hpp>
 #include <scatter/exact/mie.hpp>
 #include <scatter/exact/partial_waves.hpp>
 
@@ -19,37 +20,9 @@
 namespace scatter::exact {
 namespace {
 
-using real = long double;
-constexpr real real_epsilon = std::numeric_limits<real>::epsilon();
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
 
-/// Complex numbers without the special cases of std::complex for infinities, which cost more than the
-/// arithmetic.
-struct Complex {
-  real re = 0, im = 0;
-};
-Complex operator+(Complex a, Complex b) {
-  return {a.re + b.re, a.im + b.im};
-}
-Complex operator-(Complex a, Complex b) {
-  return {a.re - b.re, a.im - b.im};
-}
-Complex operator*(Complex a, Complex b) {
-  return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-}
-Complex operator*(real a, Complex b) {
-  return {a * b.re, a * b.im};
-}
-real norm(Complex a) {
-  return a.re * a.re + a.im * a.im;
-}
-real abs(Complex a) {
-  return std::sqrt(norm(a)); // a long double's square does not overflow here
-}
-Complex inverse(Complex a) {
-  const real scale = 1 / norm(a);
-  return {a.re * scale, -a.im * scale};
-}
+using Complex = LongComplex;
 
 std::complex<double> to_double(Complex a) {
   return {static_cast<double>(a.re), static_cast<double>(a.im)};
