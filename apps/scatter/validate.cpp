@@ -14,7 +14,6 @@
 #include <validation/report.hpp>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
