@@ -7,9 +7,11 @@
 #include <scatter/wavefront/layout.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 
+#include <embedded/kernel_curvature.hpp>
 #include <embedded/kernel_double_double.hpp>
 #include <embedded/kernel_far_field.hpp>
 #include <embedded/kernel_mueller.hpp>
+#include <embedded/kernel_rays.hpp>
 #include <embedded/kernel_surface.hpp>
 #include <embedded/kernel_tile.hpp>
 #include <embedded/kernel_trace.hpp>
@@ -31,7 +33,7 @@ using compute::with_arguments;
 constexpr int ray_lanes = 16;
 constexpr int tile_padded = ((tile_cells + 1) * (tile_cells + 1) + ray_lanes - 1) / ray_lanes * ray_lanes;
 constexpr std::size_t scratch_doubles = (27 + 7 + 8 + 8) * static_cast<std::size_t>(tile_padded);
-constexpr int traced_fields = 14;
+constexpr int traced_fields = 31; ///< RAY_FIELDS in kernels/rays.cl
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
 constexpr double most_bytes_of_slices = 2e9, small_slices = 1e8;
 constexpr double most_bytes_unfolded = 5e8;
@@ -119,6 +121,16 @@ struct Tracer::Implementation {
     if (!tracing.interference) options += " -DINTENSITIES";
     const std::string_view sources[] = {kernel_vector,  kernel_double_double, kernel_surface,  kernel_trace,
                                         kernel_mueller, kernel_tile,          kernel_far_field};
+    return cl().program(sources, options);
+  }
+
+  /// Single rays, with curvature.
+  cl::Program& ray_program(const Light& light) {
+    using namespace embedded;
+    std::string options = build_options + " -DCURVATURE";
+    if (light.index.imag() > 0) options += " -DABSORBING";
+    const std::string_view sources[] = {kernel_vector, kernel_double_double, kernel_surface, kernel_curvature,
+                                        kernel_trace,  kernel_mueller,       kernel_tile,    kernel_rays};
     return cl().program(sources, options);
   }
 
@@ -487,7 +499,7 @@ struct Tracer::Implementation {
     return share(light) / share(transparent);
   }
 
-  /// Single rays as the kernel gives them: fields of trace_rays() in kernels/tile.cl.
+  /// Single rays as the kernel gives them: fields of trace_rays() in kernels/rays.cl.
   struct RawRays {
     std::size_t count = 0;
     std::vector<double> values;
@@ -508,7 +520,7 @@ struct Tracer::Implementation {
     const cl::Buffer out = cl().allocate<double>(rays.values.size());
     cl().queue.enqueueNDRangeKernel(
         with_arguments(
-            cl::Kernel(program(light), "trace_rays"), surface_buffer, job, u_data, v_data, count, out),
+            cl::Kernel(ray_program(light), "trace_rays"), surface_buffer, job, u_data, v_data, count, out),
         cl::NullRange, cl::NDRange(device.info().compute_units), cl::NDRange(1));
     cl().download(out, std::span<double>(rays.values));
     return rays;
@@ -526,6 +538,16 @@ struct Tracer::Implementation {
         ray.direction = {field(1), field(2), field(3)};
         ray.path = field(4);
         ray.axis_crossings = static_cast<int>(field(5));
+        const auto vector = [&](int f) {
+          return std::array<double, 3>{field(f), field(f + 1), field(f + 2)};
+        };
+        ray.point = vector(14);
+        ray.point_u = vector(17);
+        ray.point_v = vector(20);
+        ray.direction_u = vector(23);
+        ray.direction_v = vector(26);
+        ray.foci_inside = static_cast<int>(field(29));
+        ray.foci = static_cast<int>(field(30));
         const auto element = [&](int e) { return std::complex<double>(field(6 + e), field(10 + e)); };
         const double h = field(3) < 0 ? -1 : 1, rho = std::hypot(field(1), field(2));
         const double c = rho > 0 ? field(1) / rho : 1, s = rho > 0 ? field(2) / rho : 0;

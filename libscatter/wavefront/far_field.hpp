@@ -75,6 +75,13 @@ struct TracedRay {
   std::array<double, 3> direction{}; ///< sun frame: x most downward, z along the light
   double path = 0;                   ///< optical path between the planes through the origin, in units of a
   int axis_crossings = 0;            ///< how often it passed the axis of the light
+  int foci_inside = 0;               ///< focal lines passed before it left the drop
+  int foci = 0;                      ///< the same from the sun to infinity: each takes pi/2 off the phase
+  std::array<double, 3> point{};     ///< where it left the drop, units of a
+  /// Derivatives by the impact point (u, v): of the point along the surface, and of the direction [1/a].
+  /// Their triple product direction . (direction_u x direction_v) is the solid angle per area of the incident
+  /// beam, with the sign (-1)^(foci + reflections).
+  std::array<double, 3> point_u{}, point_v{}, direction_u{}, direction_v{};
   /// Energy-normalised Jones matrix in the scattering plane, rows (parallel, perpendicular) like [[S2, S3],
   /// [S4, S1]]: the amplitude without sqrt(a/s), phase of the path and focal lines.
   Amplitude jones;

@@ -750,26 +750,3 @@ kernel void evaluate_candidates(
     }
   }
 }
-
-// Single rays for inspection: out[order][field][ray] with fields valid, direction (3), path, axis crossings and the
-// eight numbers of the Jones matrix in the order of store_jones(). count is padded to RAY_LANES.
-kernel void trace_rays(constant double* surface, constant job_t* job, global const double* u, global const double* v,
-                       int count, global double* out) {
-  for (int at = get_global_id(0) * RAY_LANES; at < count; at += get_global_size(0) * RAY_LANES) {
-    const real ray_u = load_real(u + at), ray_v = load_real(v + at);
-    const vector3 impact = {ray_u, ray_v, (real)(0.0)};
-    ray_state ray;
-    exit_ray left;
-    for (int p = 0; p <= job->last_order; ++p) {
-      if (p == 0) enter(surface, job->n, job->k, job->attenuation, ray_u, ray_v, job->rim_steps, &ray, &left);
-      else bounce(surface, job->n, job->k, job->attenuation, impact, job->rim_steps, &ray, &left);
-      global double* field = out + (size_t)p * 14 * count + at;
-#define NEXT_FIELD(value) store_real(value, field); field += count;
-      NEXT_FIELD(left.valid) NEXT_FIELD(left.d.x) NEXT_FIELD(left.d.y) NEXT_FIELD(left.d.z)
-      NEXT_FIELD(left.path) NEXT_FIELD(left.axis_crossings)
-      NEXT_FIELD(left.e1x.re) NEXT_FIELD(left.e2x.re) NEXT_FIELD(left.e1y.re) NEXT_FIELD(left.e2y.re)
-      NEXT_FIELD(left.e1x.im) NEXT_FIELD(left.e2x.im) NEXT_FIELD(left.e1y.im) NEXT_FIELD(left.e2y.im)
-#undef NEXT_FIELD
-    }
-  }
-}
