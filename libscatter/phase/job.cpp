@@ -74,6 +74,18 @@ std::string join(const std::vector<int>& values) {
   return fmt::format("{}", fmt::join(values, ","));
 }
 
+std::string focal_lines_name(FocalLines focal_lines) {
+  switch (focal_lines) {
+  case FocalLines::exact:
+    return "exact";
+  case FocalLines::rule:
+    return "by rule";
+  case FocalLines::none:
+    break;
+  }
+  return "not counted";
+}
+
 table::TableHeader make_header(const Request& request, Method method) {
   table::TableHeader header;
   header.wavelength_m = request.wavelength_m;
@@ -107,8 +119,7 @@ table::TableHeader make_header(const Request& request, Method method) {
   made.method = fmt::format(
       "patches: {0} x {0} rays, orders {1}, diffraction {2}, focal lines {3}{4}", request.rays,
       join(request.orders), request.diffraction == Diffraction::gaussian ? "gaussian" : "none",
-      request.focal_lines == FocalLines::rule ? "by rule" : "not counted",
-      request.interference ? "" : ", no interference");
+      focal_lines_name(request.focal_lines), request.interference ? "" : ", no interference");
   note("rays", std::to_string(request.rays));
   note("orders", join(request.orders));
   if (request.diffraction == Diffraction::gaussian)

@@ -31,7 +31,7 @@ PerColumn<EndCorrection> end_corrections(
     const Layout& layout, Columns columns, const Wanted& wanted) {
   const double h_deg = layout.spacing_deg, h = h_deg * radians_per_degree;
   const double wave = 2 * tracing.shape.radius_m / light.wavelength_m;
-  const bool ruled = tracing.interference && tracing.focal_lines == FocalLines::rule;
+  const bool counted = tracing.interference && tracing.focal_lines != FocalLines::none;
   const int rows = static_cast<int>(layout.theta_deg.size());
   std::vector<std::vector<const BowCrossing*>> of_column(columns.count());
   for (const BowCrossing& crossing : crossings) {
@@ -53,7 +53,10 @@ PerColumn<EndCorrection> end_corrections(
       const double patch = 0.5 * edge.curvature * between_rays * between_rays;
       const double turn = 4.0 / 3 * pi * wave * std::sqrt(2 / edge.curvature);
       const double in_step = std::pow(0.5 / turn, 2.0 / 3);
-      const double replaced = std::max(std::min(6 * patch, in_step), ruled ? edge.focal_offset : 0);
+      // The rule counts the focal line where the deflection turns, not where the sheets meet.
+      const double miscounted =
+          tracing.interference && tracing.focal_lines == FocalLines::rule ? edge.focal_offset : 0;
+      const double replaced = std::max(std::min(6 * patch, in_step), miscounted);
       if (replaced < 2 * patch || replaced > in_step) continue;
       const int near = static_cast<int>(std::ceil(replaced / h));
       // Rows that change must be smoothed entirely.
@@ -76,13 +79,13 @@ PerColumn<EndCorrection> end_corrections(
         const double alpha = std::abs(c.first - first - place);
         c.place = alpha;
         c.step = h;
-        c.turn = ruled ? turn : 0;
+        c.turn = counted ? turn : 0;
         c.skip = alpha < 0.25 ? 1 : 0;
         c.replaced = std::max(0, static_cast<int>(std::ceil(replaced / h - alpha)));
         c.mass = -hurwitz_zeta_half(alpha + c.skip) / std::sqrt(h);
         const auto& [S1, S2, S3, S4] = edge.amplitude;
-        // Without the rule for focal lines both sheets leave the edge in phase.
-        const double factor = tracing.interference && !ruled ? std::numbers::sqrt2 : 1;
+        // Where no focal line is counted both sheets leave the edge in phase.
+        const double factor = tracing.interference && !counted ? std::numbers::sqrt2 : 1;
         c.amplitude = {factor * S1.real(), factor * S1.imag(), factor * S2.real(), factor * S2.imag(),
                        factor * S3.real(), factor * S3.imag(), factor * S4.real(), factor * S4.imag()};
         corrections[column].push_back(c);

@@ -26,7 +26,10 @@ using compute::with_arguments;
 
 constexpr int ray_lanes = 16;
 constexpr int tile_padded = ((tile_cells + 1) * (tile_cells + 1) + ray_lanes - 1) / ray_lanes * ray_lanes;
-constexpr std::size_t scratch_doubles = (27 + 7 + 8 + 8) * static_cast<std::size_t>(tile_padded);
+/// SCRATCH_DOUBLES in kernels/tile.cl.
+constexpr std::size_t scratch_doubles(bool curvature) {
+  return ((curvature ? 40 + 8 : 27 + 7) + 8 + 8) * static_cast<std::size_t>(tile_padded);
+}
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
 constexpr double most_bytes_of_slices = 2e9, small_slices = 1e8;
 constexpr double most_bytes_unfolded = 5e8;
@@ -51,11 +54,17 @@ struct Tracer::Implementation : RayProgram {
 
   [[nodiscard]] int accumulator() const { return tracing.interference ? 8 : 16; }
 
-  /// The kernels for this light; ABSORBING and INTENSITIES are compiled in.
+  /// Whether every ray counts its focal lines.
+  [[nodiscard]] bool curvature() const {
+    return tracing.interference && tracing.focal_lines == FocalLines::exact;
+  }
+  [[nodiscard]] std::size_t scratch_size() const { return scratch_doubles(curvature()); }
+
+  /// The kernels for this light; ABSORBING, CURVATURE and INTENSITIES are compiled in.
   cl::Program& program(const Light& light) {
     const std::string_view sources[] = {
         embedded::kernel_mueller, embedded::kernel_tile, embedded::kernel_far_field};
-    return build(light, sources, false, tracing.interference ? "" : " -DINTENSITIES");
+    return build(light, sources, curvature(), tracing.interference ? "" : " -DINTENSITIES");
   }
 
   /// A wavelength on its way.
@@ -113,7 +122,7 @@ struct Tracer::Implementation : RayProgram {
     const double columns =
         static_cast<double>(layout.theta_deg.size()) * c.columns * (wanted.matrix ? 16.0 : 8.0) * 2;
     const double scratch =
-        static_cast<double>(scratch_doubles) * std::max(c.at_once * c.slices, 1) * sizeof(double);
+        static_cast<double>(scratch_size()) * std::max(c.at_once * c.slices, 1) * sizeof(double);
     return c.at_once * c.slices * c.bytes_per_slice + scratch +
            sizeof(double) * (values * elements + columns) + most_bytes_unfolded + 2e8;
   }
@@ -169,7 +178,7 @@ struct Tracer::Implementation : RayProgram {
       for (int s = 0; s < c.slices; ++s) {
         if (pass.sums[s]() == nullptr) {
           pass.sums[s] = cl().allocate<double>(static_cast<std::size_t>(rows) * c.columns * accumulator());
-          pass.scratch[s] = cl().allocate<double>(scratch_doubles);
+          pass.scratch[s] = cl().allocate<double>(scratch_size());
         }
         if (!pass.clean || s > 0)
           cl().queue.enqueueNDRangeKernel(
@@ -223,7 +232,7 @@ struct Tracer::Implementation : RayProgram {
     pass.job.row_margin = pass.job.column_margin = 1e-7;
     pass.job_data = job_buffer(pass.job);
     pass.energy = cl().allocate<double>(tiles.size() * orders);
-    pass.scratch = {cl().allocate<double>(scratch_doubles * workers)};
+    pass.scratch = {cl().allocate<double>(scratch_size() * workers)};
     const cl::Buffer boxes_data = cl().allocate<double>(tiles.size() * orders * 6);
     cl().queue.enqueueNDRangeKernel(
         with_arguments(
@@ -332,7 +341,7 @@ struct Tracer::Implementation : RayProgram {
       const unsigned workers = device.info().compute_units;
       const cl::Buffer job = job_buffer(make_job(of, coarse, last));
       const cl::Buffer tile_data = cl().upload(coarse_tiles),
-                       scratch = cl().allocate<double>(scratch_doubles * workers);
+                       scratch = cl().allocate<double>(scratch_size() * workers);
       const cl::Buffer boxes = cl().allocate<double>(coarse_tiles.size() * (last + 1) * 6);
       const cl::Buffer energy_data = cl().allocate<double>(coarse_tiles.size() * (last + 1));
       cl().queue.enqueueNDRangeKernel(

@@ -20,7 +20,10 @@
 /// the origin of the drop's polar curve; azimuths phi and -phi are images in the vertical plane of the sun.
 namespace scatter::wavefront {
 
-enum class FocalLines { none, rule };
+/// How the quarter turns of phase at focal lines are counted. none: not at all. rule: van de Hulst's count
+/// for spheres (section 12.22) taken over to any drop. exact: from the curvature of the wavefront along every
+/// ray.
+enum class FocalLines { none, rule, exact };
 enum class Search { automatic, raster, tree };
 
 /// The drop and how it is sampled: the same for every wavelength.
@@ -30,7 +33,7 @@ struct Tracing {
   int rays = 1000;                     ///< rays x rays over the square around the drop; 2..20000
   std::vector<int> orders{0, 1, 2, 3}; ///< p that count, sorted
   bool interference = true;            ///< false: the intensities of patches add
-  FocalLines focal_lines = FocalLines::rule;
+  FocalLines focal_lines = FocalLines::exact;
   Search search = Search::automatic;
 };
 

@@ -4,19 +4,24 @@
 // (i+1, j+1). Every edge is a great circle whose sign at a direction is computed the same way by both neighbours, so
 // that each direction of a sheet lies in exactly one triangle, whatever folds, twists, poles or seams it has.
 //
-// The build defines TILE (cells across a tile).
+// The build defines TILE (cells across a tile), CURVATURE where focal lines are counted ray by ray.
 
 #define TILE_RAYS (TILE + 1)
 #define TILE_PADDED ((TILE_RAYS * TILE_RAYS + RAY_LANES - 1) / RAY_LANES * RAY_LANES)
 
 // Scratch of one work-item, in doubles: the rays inside the drop, then what left it at this order.
+#ifdef CURVATURE
+#define STATE_FIELDS 40
+#define EXIT_FIELDS 8
+#else
 #define STATE_FIELDS 27
 #define EXIT_FIELDS 7
+#endif
 #define SCRATCH_EXIT (STATE_FIELDS * TILE_PADDED)
 #define SCRATCH_JONES (SCRATCH_EXIT + EXIT_FIELDS * TILE_PADDED)
 #define SCRATCH_PLANES (SCRATCH_JONES + 8 * TILE_PADDED) // the same Jones matrices, one plane per element
 #define SCRATCH_DOUBLES (SCRATCH_PLANES + 8 * TILE_PADDED)
-enum { EXIT_X, EXIT_Y, EXIT_Z, EXIT_PHASE, EXIT_ROW, EXIT_COLUMN, EXIT_ENERGY };
+enum { EXIT_X, EXIT_Y, EXIT_Z, EXIT_PHASE, EXIT_ROW, EXIT_COLUMN, EXIT_ENERGY, EXIT_FOCI };
 
 #define NOWHERE 1e300 // column of a ray that did not leave
 
@@ -40,7 +45,7 @@ typedef struct {
   int rays;           // across the grid
   int last_order;
   int rows, columns;
-  int focal_lines;    // 0: none, 1: the sign rule
+  int focal_lines;    // 1: by the sign rule; 0: none, unless CURVATURE counts them
   int interior_steps, rim_steps;
 } job_t;
 
@@ -80,6 +85,13 @@ FORCE_INLINE void load_state(global const double* scratch, int at, int rim, ray_
   NEXT_FIELD(ray->px.re) NEXT_FIELD(ray->px.im) NEXT_FIELD(ray->py.re) NEXT_FIELD(ray->py.im)
   NEXT_FIELD(ray->sx.re) NEXT_FIELD(ray->sx.im) NEXT_FIELD(ray->sy.re) NEXT_FIELD(ray->sy.im)
   NEXT_FIELD(ray->path) NEXT_FIELD(ray->side) NEXT_FIELD(ray->axis_crossings) NEXT_FIELD(ray->alive)
+#ifdef CURVATURE
+  NEXT_FIELD(ray->spread.p_u.x) NEXT_FIELD(ray->spread.p_u.y) NEXT_FIELD(ray->spread.p_u.z)
+  NEXT_FIELD(ray->spread.p_v.x) NEXT_FIELD(ray->spread.p_v.y) NEXT_FIELD(ray->spread.p_v.z)
+  NEXT_FIELD(ray->spread.d_u.x) NEXT_FIELD(ray->spread.d_u.y) NEXT_FIELD(ray->spread.d_u.z)
+  NEXT_FIELD(ray->spread.d_v.x) NEXT_FIELD(ray->spread.d_v.y) NEXT_FIELD(ray->spread.d_v.z)
+  NEXT_FIELD(ray->foci)
+#endif
   const vector3 zero = {(real)(0.0), (real)(0.0), (real)(0.0)};
   ray->p_rest = ray->d_rest = zero;
   if (rim) {
@@ -98,6 +110,13 @@ FORCE_INLINE void store_state(global double* scratch, int at, int rim, const ray
   NEXT_FIELD(ray->px.re) NEXT_FIELD(ray->px.im) NEXT_FIELD(ray->py.re) NEXT_FIELD(ray->py.im)
   NEXT_FIELD(ray->sx.re) NEXT_FIELD(ray->sx.im) NEXT_FIELD(ray->sy.re) NEXT_FIELD(ray->sy.im)
   NEXT_FIELD(ray->path) NEXT_FIELD(ray->side) NEXT_FIELD(ray->axis_crossings) NEXT_FIELD(ray->alive)
+#ifdef CURVATURE
+  NEXT_FIELD(ray->spread.p_u.x) NEXT_FIELD(ray->spread.p_u.y) NEXT_FIELD(ray->spread.p_u.z)
+  NEXT_FIELD(ray->spread.p_v.x) NEXT_FIELD(ray->spread.p_v.y) NEXT_FIELD(ray->spread.p_v.z)
+  NEXT_FIELD(ray->spread.d_u.x) NEXT_FIELD(ray->spread.d_u.y) NEXT_FIELD(ray->spread.d_u.z)
+  NEXT_FIELD(ray->spread.d_v.x) NEXT_FIELD(ray->spread.d_v.y) NEXT_FIELD(ray->spread.d_v.z)
+  NEXT_FIELD(ray->foci)
+#endif
   if (rim) {
     NEXT_FIELD(ray->p_rest.x) NEXT_FIELD(ray->p_rest.y) NEXT_FIELD(ray->p_rest.z)
     NEXT_FIELD(ray->d_rest.x) NEXT_FIELD(ray->d_rest.y) NEXT_FIELD(ray->d_rest.z)
@@ -156,6 +175,9 @@ void trace_tile(constant const double* surface, constant const job_t* job, tile_
     store_real(out.d.z, field + EXIT_Z * TILE_PADDED);
     const double focal = job->focal_lines ? 0.5 : 0.0;
     store_real(job->wave * out.path - focal * out.axis_crossings, field + EXIT_PHASE * TILE_PADDED);
+#ifdef CURVATURE
+    store_real(out.foci + foci_ahead(area_along(out.d, &out.spread)), field + EXIT_FOCI * TILE_PADDED);
+#endif
     real theta, phi;
     quick_direction(out.d, &theta, &phi);
     store_real((theta - job->row_origin) * job->rows_per_radian, field + EXIT_ROW * TILE_PADDED);
@@ -209,10 +231,11 @@ FORCE_INLINE double8 solid_angle(double8 triple, point8 a, point8 b, point8 c) {
 
 // Patches of the eight cells i..i+7 of a row. Corners: 0 = (i, j), 1 = (i+1, j), 2 = (i+1, j+1), 3 = (i, j+1); the
 // triangles are 012 and 023. Normals of the edges 0->1, 1->2, 3->2, 0->3 and 0->2, then the patch's sqrt(a/s) for both
-// triangles with the sign of their turn (+ counter-clockwise, 0 drops the triangle), then the phase of the whole patch.
+// triangles with the sign of their turn (+ counter-clockwise, 0 drops the triangle), then what their phases have beside
+// the paths.
 enum {
   PATCH_BOTTOM = 0, PATCH_RIGHT = 3, PATCH_TOP = 6, PATCH_LEFT = 9, PATCH_DIAGONAL = 12,
-  PATCH_FIRST = 15, PATCH_SECOND, PATCH_PHASE, PATCH_FIELDS
+  PATCH_FIRST = 15, PATCH_SECOND, PATCH_FIRST_PHASE, PATCH_SECOND_PHASE, PATCH_FIELDS
 };
 
 FORCE_INLINE point8 corners8(global const double* scratch, int at) {
@@ -248,6 +271,21 @@ FORCE_INLINE double8 energy_kept(global const double* scratch, int at, double8 f
   return select((double8)(1.0), clamp(factor, 0.25, 4.0), one_basis & (factor > 0.0));
 }
 
+#ifdef CURVATURE
+// Focal lines of a triangle with the corners a, b, c of a cell whose fourth corner is `other`. Where they differ a
+// caustic crosses the cell, and the triangle's turn tells the side: the solid angle changes its sign at every focal line
+// and every reflection. odd: whether the turn asks for an odd number.
+FORCE_INLINE double8 triangle_foci(double8 a, double8 b, double8 c, double8 other, long8 odd) {
+  const double8 none = 1e9, wanted = select((double8)(0.0), (double8)(1.0), odd);
+#define FITTING(f) select(none, f, f - 2.0 * floor(0.5 * f) == wanted)
+  const double8 own = fmin(fmin(FITTING(a), FITTING(b)), FITTING(c));
+  const double8 fitting = select(own, FITTING(other), own == none);
+#undef FITTING
+  const long8 agree = (a == b) & (a == c) & (a == other);
+  return select(fitting, fmin(fmin(a, b), c), agree | (fitting == none));
+}
+#endif
+
 FORCE_INLINE void make_patches(
     constant const job_t* job, tile_t tile, int p, global const double* scratch, int i, int j, int stride, double* out) {
   const int at = j * TILE_RAYS + i;
@@ -280,8 +318,20 @@ FORCE_INLINE void make_patches(
   vstore8(select(-first_factor, first_factor, first >= 0.0), 0, out + PATCH_FIRST * stride);
   vstore8(select(-second_factor, second_factor, second >= 0.0), 0, out + PATCH_SECOND * stride);
 
-  // -pi/2 from S = -i k r E; with the focal-line rule another -pi/2 per focal line: p - 1 inside the drop, one more
-  // where the deflection grows with the impact parameter, and those on the axis that the rays carry already.
+  // -pi/2 from S = -i k r E, and another -pi/2 per focal line.
+#ifdef CURVATURE
+  global const double* foci = scratch + SCRATCH_EXIT + EXIT_FOCI * TILE_PADDED + at;
+  const double8 f0 = vload8(0, foci), f1 = vload8(0, foci + 1);
+  const double8 f2 = vload8(0, foci + TILE_RAYS + 1), f3 = vload8(0, foci + TILE_RAYS);
+  // A positive turn has an even number of focal lines and reflections together; there are p - 1 inside, or the one.
+  const long8 reflects_oddly = (long8)(p % 2 == 0 ? -1 : 0);
+  const double8 first_foci = triangle_foci(f0, f1, f2, f3, reflects_oddly ^ (first < 0.0));
+  const double8 second_foci = triangle_foci(f0, f2, f3, f1, reflects_oddly ^ (second < 0.0));
+  vstore8(-0.5 - 0.5 * first_foci, 0, out + PATCH_FIRST_PHASE * stride);
+  vstore8(-0.5 - 0.5 * second_foci, 0, out + PATCH_SECOND_PHASE * stride);
+#else
+  // By rule: p - 1 inside the drop, one more where the deflection grows with the impact parameter, and those on the
+  // axis that the rays carry already.
   double8 phase = -0.5;
   if (job->focal_lines) {
     const double8 lane = (double8)(0, 1, 2, 3, 4, 5, 6, 7);
@@ -293,7 +343,9 @@ FORCE_INLINE void make_patches(
     const long8 grows = towards_axis * -(u * zu + v * zv) > 0.0;
     phase -= select((double8)(0.5 * (p - 1)), (double8)(0.5 * p), grows);
   }
-  vstore8(phase, 0, out + PATCH_PHASE * stride);
+  vstore8(phase, 0, out + PATCH_FIRST_PHASE * stride);
+  vstore8(phase, 0, out + PATCH_SECOND_PHASE * stride);
+#endif
 }
 
 // The basis of one hemisphere taken over into the other's at the azimuth of (x, y): they differ by a turn of 2 phi.
@@ -394,7 +446,9 @@ FORCE_INLINE int hits_in_column(const double* patch, int stride, const double* c
   hits->weight[2] = weight2 * scale;
   hits->weight[3] = weight3 * scale;
   const double8 phase = hits->weight[0] * corner_phase[0] + hits->weight[1] * corner_phase[1] +
-                        hits->weight[2] * corner_phase[2] + hits->weight[3] * corner_phase[3] + patch[PATCH_PHASE * stride];
+                        hits->weight[2] * corner_phase[2] + hits->weight[3] * corner_phase[3] +
+                        select((double8)(patch[PATCH_FIRST_PHASE * stride]),
+                               (double8)(patch[PATCH_SECOND_PHASE * stride]), in_second);
   double8 cosine;
   const double8 sine = sin_cos_half_turns(phase, &cosine);
   const double8 factor = select((double8)(fabs(first_factor)), (double8)(fabs(second_factor)), in_second);
