@@ -3,8 +3,6 @@
 #include <scatter/wavefront/kirchhoff.hpp>
 
 #include <embedded/kernel_kirchhoff.hpp>
-#include <embedded/kernel_mueller.hpp>
-#include <embedded/kernel_tile.hpp>
 #include <fftw3.h>
 
 #include <algorithm>
@@ -30,7 +28,9 @@ const double beta = pi * taps * (1 - 1 / (2 * oversampling));
 /// Phase between neighbouring rays, in half-turns, at most.
 constexpr double phase_step = 0.6;
 /// The taper begins and ends this many Fresnel widths outside the window.
-constexpr double taper_begin = 4, taper_end = 8;
+constexpr double taper_begin = 6, taper_end = 12;
+/// How far beyond the rim rays are taken, in tau of kernels/grazing.cl.
+constexpr double rim_reach = 5;
 constexpr double window_deg = 12;
 constexpr double polar_cap_deg = 8;
 
@@ -54,17 +54,28 @@ double smooth_step(double a, double inner_end, double outer_end) {
   return 1 - s2 * s2 * s * (126 - s * (420 - s * (540 - s * (315 - 70 * s))));
 }
 
-/// The drop's outline seen along the light, as the radius over the azimuth: the edge of its shadow. At
-/// azimuth psi the line of sight touches where |P| / R(P) is least along it.
-std::vector<double> outline_series(const drop::Shape& shape, double sun_elevation_deg) {
-  if (shape.is_sphere()) return {1.0};
+/// The drop's outline seen along the light: the edge of its shadow, where lines of sight touch it. Cosine
+/// series over the azimuth of its radius and of the z of the points that are touched.
+struct Outline {
+  std::vector<double> radius, z;
+  [[nodiscard]] std::vector<double> both() const {
+    std::vector<double> all = radius;
+    all.insert(all.end(), z.begin(), z.end());
+    return all;
+  }
+};
+
+Outline outline_series(const drop::Shape& shape, double sun_elevation_deg) {
+  if (shape.is_sphere()) return {{1.0}, {0.0}};
   const double h = sun_elevation_deg * radians_per_degree;
   const Vector axis{std::cos(h), 0, std::sin(h)};
   constexpr int samples = 256;
-  std::vector<double> radius(samples + 1);
+  std::array<std::vector<double>, 2> values{
+      std::vector<double>(samples + 1), std::vector<double>(samples + 1)};
   for (int i = 0; i <= samples; ++i) {
     const double psi = pi * i / samples;
     const Vector side{std::cos(psi), std::sin(psi), 0};
+    // At azimuth psi the line of sight touches where |P| / R(P) is least along it.
     const auto gauge = [&](double z) {
       const Vector p{side[0], side[1], z};
       const double r = norm(p);
@@ -77,17 +88,24 @@ std::vector<double> outline_series(const drop::Shape& shape, double sun_elevatio
       const double left = high - golden * (high - low), right = low + golden * (high - low);
       (gauge(left) < gauge(right) ? high : low) = gauge(left) < gauge(right) ? right : left;
     }
-    radius[i] = 1 / gauge(0.5 * (low + high));
+    const double z = 0.5 * (low + high);
+    values[0][i] = 1 / gauge(z);
+    values[1][i] = z / gauge(z);
   }
-  std::vector<double> series;
-  for (int n = 0; n <= samples / 2; ++n) {
-    double sum = 0;
-    for (int i = 0; i <= samples; ++i)
-      sum += (i == 0 || i == samples ? 0.5 : 1.0) * radius[i] * std::cos(pi * n * i / samples);
-    series.push_back(sum * (n == 0 ? 1.0 : 2.0) / samples);
+  std::array<std::vector<double>, 2> series;
+  for (int which = 0; which < 2; ++which)
+    for (int n = 0; n <= samples / 2; ++n) {
+      double sum = 0;
+      for (int i = 0; i <= samples; ++i)
+        sum += (i == 0 || i == samples ? 0.5 : 1.0) * values[which][i] * std::cos(pi * n * i / samples);
+      series[which].push_back(sum * (n == 0 ? 1.0 : 2.0) / samples);
+    }
+  // z is known to 1e-8 only, where the gauge is flat; its own effect is of second order.
+  while (series[0].size() > 1 && std::abs(series[0].back()) < 1e-14 && std::abs(series[1].back()) < 1e-8) {
+    series[0].pop_back();
+    series[1].pop_back();
   }
-  while (series.size() > 1 && std::abs(series.back()) < 1e-15) series.pop_back();
-  return series;
+  return {series[0], series[1]};
 }
 
 double series_value(const std::vector<double>& series, double cosine) {
@@ -110,7 +128,7 @@ CoarseRays::CoarseRays(RayProgram& rays, const Light& light, int last)
     for (int j = 0; j < azimuths; ++j) {
       const double alpha = std::min(0.5 * pi * a / alphas, 0.5 * pi - 1e-5), psi = 2 * pi * j / azimuths;
       // Off the axis, where azimuths lose their meaning.
-      const double b = series_value(outline, std::cos(psi)) * std::max(std::sin(alpha), 1e-6);
+      const double b = series_value(outline.radius, std::cos(psi)) * std::max(std::sin(alpha), 1e-6);
       u.push_back(b * std::cos(psi));
       v.push_back(b * std::sin(psi));
     }
@@ -124,10 +142,10 @@ CoarseRays::CoarseRays(RayProgram& rays, const Light& light, int last)
       node.valid = raw.field(p, 0, i) > 0.5;
       node.direction = vector(1);
       node.point = vector(14);
-      const Vector p_u = vector(17), p_v = vector(20), d_u = vector(23), d_v = vector(26);
-      node.at0 = inner(node.direction, cross(p_u, p_v));
-      node.at1 = inner(node.direction, cross(d_u, p_v)) + inner(node.direction, cross(p_u, d_v));
-      node.at2 = inner(node.direction, cross(d_u, d_v));
+      node.point_slope = {vector(17), vector(20)};
+      node.direction_slope = {vector(23), vector(26)};
+      node.turn = inner(node.direction, cross(node.direction_slope[0], node.direction_slope[1]));
+      node.foci = static_cast<int>(raw.field(p, 30, i));
     }
 }
 
@@ -148,8 +166,8 @@ IntegralShare integral_share(
     const auto& before = coarse.node(order, a - step_a, j - step_j);
     const auto& here = coarse.node(order, a, j);
     const auto& there = coarse.node(order, a + step_a, j + step_j);
-    if (!before.valid || !here.valid || !there.valid || (here.at2 < 0) == (there.at2 < 0)) return;
-    const double share = here.at2 / (here.at2 - there.at2);
+    if (!before.valid || !here.valid || !there.valid || (here.turn < 0) == (there.turn < 0)) return;
+    const double share = here.turn / (here.turn - there.turn);
     Vector d = along(here.direction, share, along(there.direction, -1, here.direction));
     const double length = norm(d);
     for (double& c : d) c /= length;
@@ -205,19 +223,19 @@ namespace {
 
 /// Layout of window_t in kernels/kirchhoff.cl.
 struct Window {
-  Vector r0, e1, e2;
-  double distance = 0;
-  std::array<double, 2> inner{}, outer{}, centre{}, xi_per_length{}, points_per_xi{};
+  Vector r0, e1, e2, f0, f1, f2;
+  double latitude = 0;
+  std::array<double, 2> shear{}, inner{}, outer{}, centre{}, xi_per_length{}, points_per_xi{};
   double beta = 0;
-  std::array<double, 2> modes_per_cosine{};
-  double alpha_step = 0, psi_step = 0;
+  std::array<double, 2> modes_per_radian{};
+  double alpha_step = 0, psi_step = 0, height_step = 0;
   std::array<int, 2> points{}, modes{};
-  int alphas = 0, azimuths = 0, order = 0, outline_terms = 0;
+  int alphas = 0, azimuths = 0, heights = 0, rim_cell = CoarseRays::alphas, order = 0, outline_terms = 0;
 };
-static_assert(sizeof(Window) == 232);
+static_assert(sizeof(Window) == 336);
 
 struct Cell {
-  int alpha, azimuth;
+  int alpha, azimuth, index, unused;
 };
 struct Target {
   int column, row;
@@ -317,6 +335,49 @@ struct WindowPlan {
   std::vector<Target> targets;
 };
 
+/// A ray in the coordinates of a window: see kernels/kirchhoff.cl.
+struct Momentum {
+  std::array<double, 2> rho{}, X{};
+  double A = 0;     ///< det of the momentum's change by the impact point
+  double scale = 0; ///< of its terms, which may cancel
+  int negative = 0; ///< eigenvalues
+};
+
+Momentum momentum(const Window& w, const CoarseRays::Node& n) {
+  const Vector& d = n.direction;
+  const double towards = inner(d, w.f0), east = inner(d, w.f1), sin_2 = inner(d, w.f2);
+  const double cos_2 = std::sqrt(std::max(towards * towards + east * east, 1e-12));
+  const double cos_1 = towards / cos_2, sin_1 = east / cos_2;
+  Vector middle, side, t1, t2;
+  for (int c = 0; c < 3; ++c) {
+    middle[c] = cos_1 * w.f0[c] + sin_1 * w.f1[c];
+    side[c] = -sin_1 * w.f0[c] + cos_1 * w.f1[c];
+    t1[c] = cos_2 * side[c];
+    t2[c] = cos_2 * w.f2[c] - sin_2 * middle[c];
+  }
+  Momentum m;
+  m.rho = {std::atan2(east, towards), std::asin(std::clamp(sin_2, -1.0, 1.0)) - w.latitude};
+  m.X = {inner(n.point, t1) - w.shear[0] * m.rho[0], inner(n.point, t2) - w.shear[1] * m.rho[1]};
+  std::array<std::array<double, 2>, 2> rho_slope{}, X_slope{};
+  const double on_d = inner(n.point, d), on_middle = inner(n.point, middle), on_side = inner(n.point, side);
+  for (int q = 0; q < 2; ++q) {
+    rho_slope[q] = {inner(n.direction_slope[q], t1) / (cos_2 * cos_2), inner(n.direction_slope[q], t2)};
+    X_slope[q] = {
+        inner(n.point_slope[q], t1) - (cos_2 * on_middle + w.shear[0]) * rho_slope[q][0] -
+            sin_2 * on_side * rho_slope[q][1],
+        inner(n.point_slope[q], t2) - sin_2 * on_side * rho_slope[q][0] -
+            (on_d + w.shear[1]) * rho_slope[q][1]};
+  }
+  m.A = X_slope[0][0] * X_slope[1][1] - X_slope[1][0] * X_slope[0][1];
+  m.scale = std::hypot(X_slope[0][0], X_slope[1][0]) * std::hypot(X_slope[0][1], X_slope[1][1]);
+  const double turn = rho_slope[0][0] * rho_slope[1][1] - rho_slope[1][0] * rho_slope[0][1];
+  double trace = 0;
+  for (int q = 0; q < 2; ++q)
+    for (int axis = 0; axis < 2; ++axis) trace += X_slope[q][axis] * rho_slope[q][axis];
+  m.negative = (m.A < 0) != (turn < 0) ? 1 : trace < 0 ? 2 : 0;
+  return m;
+}
+
 WindowPlan plan_window(
     const CoarseRays& coarse, int order, double ka, std::vector<Target> targets, const Layout& layout,
     Columns columns, const Vector& centre, int outline_terms) {
@@ -331,96 +392,117 @@ WindowPlan plan_window(
   const double c = sine > 0 ? centre[0] / sine : 1, s = sine > 0 ? centre[1] / sine : 0;
   w.e1 = {centre[2] * c, centre[2] * s, -sine};
   w.e2 = cross(w.r0, w.e1);
+  // Planes of incidence cut a sphere's directions along meridians: there theta and phi serve, away from the
+  // poles.
+  const bool meridians = sine > 0.35;
+  if (meridians) {
+    w.f0 = {c, s, 0};
+    w.f1 = {s, -c, 0};
+    w.f2 = {0, 0, -1};
+    w.latitude = -std::asin(centre[2]);
+  } else {
+    w.f0 = w.r0;
+    w.f1 = w.e1;
+    w.f2 = w.e2;
+  }
   std::array<double, 2> half{1e-4, 1e-4};
   for (const Target& target : made.targets) {
     const Vector r = direction(layout.theta_deg[target.row], layout.phi_deg[columns.first + target.column]);
-    half[0] = std::max(half[0], std::abs(inner(r, w.e1)));
-    half[1] = std::max(half[1], std::abs(inner(r, w.e2)));
+    half[0] = std::max(half[0], std::abs(std::atan2(inner(r, w.f1), inner(r, w.f0))));
+    half[1] = std::max(half[1], std::abs(std::asin(std::clamp(inner(r, w.f2), -1.0, 1.0)) - w.latitude));
   }
   const double fresnel = std::sqrt(2 / ka);
   for (int axis = 0; axis < 2; ++axis) {
-    w.inner[axis] = half[axis] + taper_begin * fresnel;
-    w.outer[axis] = half[axis] + taper_end * fresnel;
+    w.inner[axis] = std::min(half[axis] + taper_begin * fresnel, 1.2);
+    w.outer[axis] = std::min(half[axis] + taper_end * fresnel, 1.5);
   }
-  // Cells of rays that may leave within the taper.
+  // Cells of rays that may leave within the taper, and those at the rim with their continuation beyond it.
   std::vector<const CoarseRays::Node*> corners;
-  const auto plane_point = [&](const CoarseRays::Node& n, double distance) {
-    return along(n.point, (distance - inner(n.point, w.r0)) / inner(n.direction, w.r0), n.direction);
-  };
   for (int a = 0; a < CoarseRays::alphas; ++a)
     for (int j = 0; j < CoarseRays::azimuths; ++j) {
       const CoarseRays::Node* nodes[] = {
           &coarse.node(order, a, j), &coarse.node(order, a + 1, j), &coarse.node(order, a, j + 1),
           &coarse.node(order, a + 1, j + 1)};
-      Vector mean{};
+      std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
       int valid = 0;
-      for (const auto* node : nodes)
-        if (node->valid) {
-          mean = along(mean, 1, node->direction);
-          ++valid;
+      double towards = -1;
+      for (const auto* node : nodes) {
+        if (!node->valid) continue;
+        ++valid;
+        const Momentum m = momentum(w, *node);
+        towards = std::max(towards, inner(node->direction, w.r0));
+        for (int axis = 0; axis < 2; ++axis) {
+          low[axis] = std::min(low[axis], m.rho[axis]);
+          high[axis] = std::max(high[axis], m.rho[axis]);
         }
-      if (valid == 0) continue;
-      const double length = norm(mean);
-      for (double& x : mean) x /= std::max(length, 1e-9);
-      double radius = 0;
+      }
+      if (valid == 0 || towards < -0.2) continue;
+      bool misses = false;
+      for (int axis = 0; axis < 2; ++axis) {
+        const double margin = 0.3 * (high[axis] - low[axis]) + 0.01;
+        misses = misses || low[axis] - margin > w.outer[axis] || high[axis] + margin < -w.outer[axis];
+      }
+      if (misses) continue;
+      made.cells.push_back({a, j, 0, 0});
       for (const auto* node : nodes)
-        if (node->valid) radius = std::max(radius, norm(along(node->direction, -1, mean)));
-      radius *= 1.5;
-      if (std::abs(inner(mean, w.e1)) > w.outer[0] + radius ||
-          std::abs(inner(mean, w.e2)) > w.outer[1] + radius || inner(mean, w.r0) < 0.2 - radius)
-        continue;
-      made.cells.push_back({a, j});
-      for (const auto* node : nodes)
-        if (node->valid && inner(node->direction, w.r0) > 0.15) corners.push_back(node);
+        if (node->valid) corners.push_back(node);
+      if (a == CoarseRays::alphas - 1 && order > 0 && nodes[1]->valid)
+        made.cells.push_back({CoarseRays::alphas, j, 0, 0});
     }
   if (made.cells.empty() || corners.empty()) {
     made.cells.clear();
     return made;
   }
-  // The plane where tubes of rays are farthest from their foci; through the origin if that is far enough.
-  const auto clearance = [&](double distance) {
+  // Shear across the plane of scattering, where A would vanish without: on a sphere the momentum about the
+  // light is 0.
+  const auto shear_by = [&](double shear) {
+    w.shear = meridians ? std::array{shear, 0.0} : std::array{0.0, shear};
+  };
+  const auto clearance = [&](double shear) {
+    shear_by(shear);
     double least = 1;
     for (const auto* n : corners) {
-      const double w1 = smooth_step(std::abs(inner(n->direction, w.e1)), w.inner[0], w.outer[0]);
-      const double w2 = smooth_step(std::abs(inner(n->direction, w.e2)), w.inner[1], w.outer[1]);
-      if (w1 * w2 < 0.1) continue;
-      const double flight = (distance - inner(n->point, w.r0)) / inner(n->direction, w.r0);
-      const double tube = n->at0 + flight * (n->at1 + flight * n->at2);
-      least = std::min(least, std::abs(tube) / (std::abs(n->at0) + std::abs(n->at1) + std::abs(n->at2)));
+      const Momentum m = momentum(w, *n);
+      const double weight = smooth_step(std::abs(m.rho[0]), w.inner[0], w.outer[0]) *
+                            smooth_step(std::abs(m.rho[1]), w.inner[1], w.outer[1]);
+      if (weight > 0.1) least = std::min(least, std::abs(m.A) / m.scale);
     }
     return least;
   };
-  double best = clearance(0);
-  if (best < 0.02)
-    for (const double distance : {0.5, -0.5, 1.0, -1.0, 2.0, -2.0})
-      if (const double here = clearance(distance); here > 1.5 * best) {
+  double shear = meridians ? 0.5 : 0, best = clearance(shear);
+  if (best < 0.1)
+    for (const double candidate : {-0.5, 0.4, -0.4, 0.8, -0.8})
+      if (const double here = clearance(candidate); here > 1.5 * best) {
         best = here;
-        w.distance = distance;
+        shear = candidate;
       }
-  // Extent on the plane, and how far apart neighbouring rays may be there.
+  shear_by(shear);
   std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
   for (const auto* n : corners) {
-    const Vector X = plane_point(*n, w.distance);
-    const double at[] = {inner(X, w.e1), inner(X, w.e2)};
+    const Momentum m = momentum(w, *n);
     for (int axis = 0; axis < 2; ++axis) {
-      low[axis] = std::min(low[axis], at[axis]);
-      high[axis] = std::max(high[axis], at[axis]);
+      low[axis] = std::min(low[axis], m.X[axis]);
+      high[axis] = std::max(high[axis], m.X[axis]);
     }
   }
+  // Phase between neighbouring rays: k (rho - r) . dX.
   double step_alpha = 0, step_psi = 0;
-  for (const Cell& cell : made.cells) {
+  for (Cell& cell : made.cells) {
+    const auto side = [&](const CoarseRays::Node& a, const CoarseRays::Node& b) {
+      if (!a.valid || !b.valid) return 0.0;
+      const Momentum from = momentum(w, a), to = momentum(w, b);
+      return std::abs(to.X[0] - from.X[0]) * (half[0] + w.outer[0]) +
+             std::abs(to.X[1] - from.X[1]) * (half[1] + w.outer[1]);
+    };
+    if (cell.alpha == CoarseRays::alphas) {
+      const CoarseRays::Node& rim = coarse.node(order, cell.alpha, cell.azimuth);
+      cell.index = rim.foci - momentum(w, rim).negative;
+      continue;
+    }
     const auto& n00 = coarse.node(order, cell.alpha, cell.azimuth);
     const auto& n10 = coarse.node(order, cell.alpha + 1, cell.azimuth);
     const auto& n01 = coarse.node(order, cell.alpha, cell.azimuth + 1);
     const auto& n11 = coarse.node(order, cell.alpha + 1, cell.azimuth + 1);
-    // Two ends of a side: the phase k (d - r) . dX between them.
-    const auto side = [&](const CoarseRays::Node& a, const CoarseRays::Node& b) {
-      if (!a.valid || !b.valid || inner(a.direction, w.r0) < 0.15 || inner(b.direction, w.r0) < 0.15)
-        return 0.0;
-      const Vector dX = along(plane_point(b, w.distance), -1, plane_point(a, w.distance));
-      return std::abs(inner(dX, w.e1)) * (half[0] + w.outer[0]) +
-             std::abs(inner(dX, w.e2)) * (half[1] + w.outer[1]);
-    };
     step_alpha = std::max({step_alpha, side(n00, n10), side(n01, n11)});
     step_psi = std::max({step_psi, side(n00, n01), side(n10, n11)});
   }
@@ -428,14 +510,19 @@ WindowPlan plan_window(
   w.azimuths = std::max(2, static_cast<int>(std::ceil(ka * step_psi / (pi * phase_step))));
   w.alpha_step = 0.5 * pi / CoarseRays::alphas / w.alphas;
   w.psi_step = 2 * pi / CoarseRays::azimuths / w.azimuths;
+  // Beyond the rim waves die out within some Airy widths.
+  const double reach_beyond = rim_reach * std::cbrt(0.5 / (ka * ka));
+  w.heights = std::max(
+      24, static_cast<int>(std::ceil(ka * reach_beyond * (half[0] + w.outer[0]) / (pi * 0.5 * phase_step))));
+  w.height_step = reach_beyond / w.heights;
   w.beta = beta;
   for (int axis = 0; axis < 2; ++axis) {
     w.centre[axis] = 0.5 * (low[axis] + high[axis]);
-    const double reach = 0.5 * (high[axis] - low[axis]) * 1.1 + 0.02;
-    // Modes lie so close that the plane's extent is 1 / oversampling of their period.
+    const double reach = 0.5 * (high[axis] - low[axis]) * 1.1 + 0.02 + 2 * reach_beyond;
+    // Modes lie so close that the extent of X' is 1 / oversampling of their period.
     const double mode = pi / (oversampling * ka * reach);
     w.xi_per_length[axis] = ka * mode;
-    w.modes_per_cosine[axis] = 1 / mode;
+    w.modes_per_radian[axis] = 1 / mode;
     w.modes[axis] = static_cast<int>(half[axis] / mode) + taps;
     w.points[axis] = quick_size(2 * oversampling * w.modes[axis]);
     w.points_per_xi[axis] = w.points[axis] / (2 * pi);
@@ -496,16 +583,15 @@ void add_integral(
     const Layout& layout, Columns columns, const DirectionBuffers& directions, cl::Buffer& sums) {
   if (share.empty()) return;
   OpenCL& opencl = rays.cl();
-  const std::vector<double> outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
+  const Outline outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
   const Job job = rays.make_job(light, 2, order);
   const double ka = pi * job.wave;
   const auto plans =
-      plan_windows(coarse, order, ka, share, layout, columns, static_cast<int>(outline.size()));
+      plan_windows(coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()));
   if (plans.empty()) return;
-  const std::string_view sources[] = {
-      embedded::kernel_mueller, embedded::kernel_tile, embedded::kernel_kirchhoff};
-  cl::Program& program = rays.build(light, sources, true);
-  const cl::Buffer job_data = rays.job_buffer(job), outline_data = opencl.upload(outline);
+  const std::string_view sources[] = {embedded::kernel_kirchhoff};
+  cl::Program& program = rays.build(light, sources, true, "", true);
+  const cl::Buffer job_data = rays.job_buffer(job), outline_data = opencl.upload(outline.both());
   static const std::vector<double> polynomials = tap_polynomials();
   const cl::Buffer taps_data = opencl.upload(polynomials);
   const int rows = static_cast<int>(layout.theta_deg.size());

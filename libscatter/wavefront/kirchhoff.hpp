@@ -26,7 +26,10 @@ public:
   struct Node {
     bool valid = false;
     std::array<double, 3> direction{}, point{};
-    double at0 = 0, at1 = 0, at2 = 0; ///< area of the tube of rays, tube_area of kernels/curvature.cl
+    /// Derivatives of both by the impact point.
+    std::array<std::array<double, 3>, 2> point_slope{}, direction_slope{};
+    double turn = 0; ///< solid angle per incident area, with its sign
+    int foci = 0;    ///< to infinity
   };
   /// alpha 0..alphas, azimuth any integer (wraps).
   [[nodiscard]] const Node& node(int order, int alpha, int azimuth) const {
@@ -41,7 +44,7 @@ private:
 /// Reach of the integral around a caustic, in widths of its Airy pattern: all of it up to `inner`, none
 /// beyond `outer`.
 struct IntegralZone {
-  double inner = 6, outer = 9;
+  double inner = 12, outer = 18;
 };
 
 /// Where the integral stands in for patches.

@@ -1,13 +1,15 @@
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
+#include <scatter/wavefront/airy_edge.hpp>
 #include <scatter/wavefront/ray_program.hpp>
 
 #include <embedded/kernel_curvature.hpp>
 #include <embedded/kernel_double_double.hpp>
-#include <embedded/kernel_mueller.hpp>
+#include <embedded/kernel_fresnel.hpp>
+#include <embedded/kernel_grazing.hpp>
+#include <embedded/kernel_job.hpp>
 #include <embedded/kernel_rays.hpp>
 #include <embedded/kernel_surface.hpp>
-#include <embedded/kernel_tile.hpp>
 #include <embedded/kernel_trace.hpp>
 #include <embedded/kernel_vector.hpp>
 
@@ -34,12 +36,15 @@ RayProgram::RayProgram(const Tracing& request, const compute::Device& on) : trac
   surface = surface_parameters(tracing.shape, tracing.sun_elevation_deg);
   axisymmetric = tracing.shape.is_sphere() || std::abs(tracing.sun_elevation_deg - 90) < 1e-9;
   area = wavefront::shadow_area(tracing.shape, tracing.sun_elevation_deg);
+  // The kernels find the series behind the surface.
+  const std::vector<double>& series = airy_edge_series();
+  surface.values.insert(surface.values.end(), series.begin(), series.end());
   guarded([&] { surface_buffer = cl().upload(surface.values); });
 }
 
 cl::Program& RayProgram::build(
     const Light& light, std::span<const std::string_view> further, bool curvature,
-    const std::string& further_options) {
+    const std::string& further_options, bool uniform) {
   using namespace embedded;
   std::string options = "-cl-std=CL1.2 -DTILE=" + std::to_string(tile_cells);
   if (tracing.shape.kind == drop::Shape::Kind::spheroid)
@@ -50,7 +55,15 @@ cl::Program& RayProgram::build(
   if (light.index.imag() > 0) options += " -DABSORBING";
   std::vector<std::string_view> sources{kernel_vector, kernel_double_double, kernel_surface};
   if (curvature) sources.push_back(kernel_curvature);
+  sources.push_back(kernel_fresnel);
+  if (uniform) {
+    sources.push_back(kernel_grazing);
+    options += " -DUNIFORM -DEDGE_REACH=" + std::to_string(edge_reach) +
+               " -DEDGE_TERMS=" + std::to_string(edge_terms) +
+               " -DSURFACE_EDGE=" + std::to_string(surface.values.size() - 3 * edge_terms);
+  }
   sources.push_back(kernel_trace);
+  sources.push_back(kernel_job);
   sources.insert(sources.end(), further.begin(), further.end());
   return cl().program(sources, options + further_options);
 }
@@ -87,7 +100,7 @@ RayProgram::trace_raw(const Light& light, std::span<const double> u, std::span<c
   RawRays rays{static_cast<std::size_t>(count), {}};
   rays.values.resize(static_cast<std::size_t>(last + 1) * RawRays::fields * count);
   const cl::Buffer out = cl().allocate<double>(rays.values.size());
-  const std::string_view sources[] = {embedded::kernel_mueller, embedded::kernel_tile, embedded::kernel_rays};
+  const std::string_view sources[] = {embedded::kernel_rays};
   cl().queue.enqueueNDRangeKernel(
       with_arguments(
           cl::Kernel(build(light, sources, true), "trace_rays"), surface_buffer, job, u_data, v_data, count,

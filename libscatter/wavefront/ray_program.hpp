@@ -14,7 +14,7 @@
 /// programs, and single rays.
 namespace scatter::wavefront {
 
-/// Layout of job_t in kernels/tile.cl.
+/// Layout of job_t in kernels/job.cl.
 struct Job {
   double n, k, wave, attenuation, origin, step;
   double row_origin = 0, rows_per_radian = 1, column_origin = 0, columns_per_radian = 1;
@@ -48,10 +48,11 @@ struct RayProgram {
   [[nodiscard]] compute::OpenCL& cl() const { return device.opencl(); }
   [[nodiscard]] int last_order() const { return tracing.orders.back(); }
 
-  /// trace.cl with all that it needs, then `further` sources; ABSORBING by the light, CURVATURE where asked.
+  /// trace.cl with all that it needs, then `further` sources; ABSORBING by the light, CURVATURE and UNIFORM
+  /// (which needs CURVATURE) where asked.
   cl::Program& build(
       const Light& light, std::span<const std::string_view> further, bool curvature,
-      const std::string& further_options = "");
+      const std::string& further_options = "", bool uniform = false);
 
   [[nodiscard]] Job make_job(const Light& light, int rays, int order) const;
   [[nodiscard]] cl::Buffer job_buffer(const Job& job) const;

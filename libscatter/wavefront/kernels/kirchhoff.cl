@@ -1,12 +1,18 @@
-// The far field of one order around one direction as a sum over rays: their wavefront where it meets a plane, Fourier
-// transformed to directions. Needs tile.cl's job_t and trace.cl, built with CURVATURE.
+// The far field of one order around one direction as a sum over its rays, Fourier transformed to directions. Needs
+// job.cl and trace.cl, built with CURVATURE and UNIFORM.
 //
-// With X where the ray meets the plane r0 . X = distance, L its optical path there, A the area of the tube of rays per
-// incident area du dv and mu the foci passed so far,
-//   S(r) = -k^2 / (2 pi) sum w sqrt|A| E exp(i k (L - X . r)) exp(-i pi mu / 2) du dv,
-// E the energy-normalised Jones matrix. Stationary phase gives back geometric optics, S = -i k sqrt(du dv / solid angle)
-// E exp(i k l). The sum over rays goes through a grid of plane points and an FFT: a non-uniform Fourier transform of type
-// 3 (Lee & Greengard 2005, J. Comput. Phys. 206, 1) with Kaiser-Bessel kernels.
+// Around the centre r0 of a window directions have coordinates rho, a longitude and a latitude. A ray that leaves in direction d = r(rho_d), with optical path L between planes through the
+// origin, has the momentum X = dr/drho . p there, p any point on it: the far field's phase falls by k X per rho. With
+// W(rho) = sum D rho^2 / 2, X' = X - D rho_d and A = det dX' / d(u, v),
+//   S(r) = -k^2 / (2 pi) exp(-i k W(rho)) sum w sqrt|A| E exp(i k (L + W(rho_d) - X' . (rho - rho_d))) i^-mu du dv,
+// E the energy-normalised Jones matrix over the fourth root of the metric, mu the focal lines to infinity less the
+// negative eigenvalues of dX'/d(u, v)^T drho/d(u, v). Stationary phase gives back geometric optics wherever it holds, with
+// all its focal lines; about a fold of directions A does not vanish, and the sum is Airy's. On a sphere, with
+// theta and phi for coordinates, X is the angular momentum of the ray and the sum that of Debye's series over partial waves: it holds up to
+// grazing rays, and beyond. A Kirchhoff integral over a plane differs from it by the coordinates, sines for angles.
+//
+// The sum goes through a grid of X' and an FFT: a non-uniform Fourier transform of type 3 (Lee & Greengard 2005,
+// J. Comput. Phys. 206, 1) with Kaiser-Bessel kernels.
 
 #define TAPS 6
 #define TAP_DEGREE 12
@@ -14,22 +20,28 @@
 // Rays across the drop in polar coordinates: u, v = outline(psi) sin(alpha) (cos psi, sin psi), even in both angles, alpha
 // up to the rim, so that rays lie evenly in the angle of incidence. They come in cells of the coarse grid.
 typedef struct {
-  int alpha, azimuth; // first ray in units of the cell
+  int alpha, azimuth; // first ray in units of the cell; the cells after the last alpha lie beyond the rim
+  int index;          // mu of the rays beyond the rim
+  int unused;
 } cell_t;
 
 typedef struct {
-  double r0[3], e1[3], e2[3];    // centre of the window and the axes of the plane across it
-  double distance;               // of the plane from the origin, along r0
-  double inner[2], outer[2];     // |d . e|: the taper is 1 up to inner, 0 from outer on
-  double centre[2];              // of the plane points, along e1 and e2
-  double xi_per_length[2];       // grid phase per length on the plane
+  double r0[3], e1[3], e2[3];    // centre of the window and the axes of fields there
+  double f0[3], f1[3], f2[3];    // rho is longitude (from f0 to f1) and latitude (towards f2) ..
+  double latitude;               // .. less the centre's
+  double shear[2];               // D
+  double inner[2], outer[2];     // |rho|: the taper is 1 up to inner, 0 from outer on
+  double centre[2];              // of X'
+  double xi_per_length[2];       // grid phase per X'
   double points_per_xi[2];       // n / (2 pi)
   double beta;                   // of the Kaiser-Bessel kernel
-  double modes_per_cosine[2];    // direction cosines to grid modes
+  double modes_per_radian[2];    // rho to grid modes
   double alpha_step, psi_step;   // between rays
+  double height_step;            // the same beyond the rim
   int points[2];                 // n, even
   int modes[2];                  // corrections reach from -modes to modes
-  int alphas, azimuths;          // rays across a cell
+  int alphas, azimuths, heights; // rays across a cell
+  int rim_cell;                  // alpha of the cells beyond the rim
   int order;
   int outline_terms;
 } window_t;
@@ -50,60 +62,101 @@ FORCE_INLINE vector3 constant3(constant const double* a) {
   return c;
 }
 
-// The grid must be zero; [y][x][8], parts as in store_jones(). lost counts rays that fell outside it: none should.
+// A cosine series and its derivative (Clenshaw).
+FORCE_INLINE void outline_value(constant double* series, int terms, real cosine, real sine, real* value, real* slope) {
+  real b1 = 0.0, b2 = 0.0, c1 = 0.0, c2 = 0.0;
+  for (int n = terms - 1; n >= 1; --n) {
+    const real b = series[n] + 2.0 * cosine * b1 - b2, c = n * series[n] + 2.0 * cosine * c1 - c2;
+    b2 = b1;
+    b1 = b;
+    c2 = c1;
+    c1 = c;
+  }
+  *value = series[0] + cosine * b1 - b2;
+  *slope = -sine * c1;
+}
+
+// The grid must be zero; [y][x][8], parts as in store_jones(). outline: cosine series of the radius and of z over the
+// azimuth. lost counts rays that fell outside the grid: none should.
 kernel void spread_rays(constant double* surface, constant job_t* job, constant window_t* window,
                         constant double* outline, constant double* tap_polynomials, global const cell_t* cells, int count,
                         global double* grid, global int* lost) {
   const vector3 r0 = constant3(window->r0), e1 = constant3(window->e1), e2 = constant3(window->e2);
+  const vector3 f0 = constant3(window->f0), pole = constant3(window->f2), quarter = constant3(window->f1);
   const real lane_number = (real)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  const int in_cell = window->alphas * window->azimuths;
-  for (int c = 0; c < count; ++c)
+  const double ka = 3.14159265358979323846 * job->wave;
+  for (int c = 0; c < count; ++c) {
+    const cell_t cell = cells[c];
+    const int beyond = cell.alpha == window->rim_cell;
+    const int in_cell = (beyond ? window->heights : window->alphas) * window->azimuths;
     for (int ray_number = 0; ray_number < in_cell; ray_number += RAY_LANES) {
       const real number = ray_number + lane_number, i = floor((number + 0.5) / window->azimuths);
       const real j = number - i * window->azimuths;
-      const real alpha = (cells[c].alpha * window->alphas + i + 0.5) * window->alpha_step;
-      const real psi = (cells[c].azimuth * window->azimuths + j + 0.5) * window->psi_step;
-      real cos_alpha, cosine;
-      const real sin_alpha = sincos(alpha, &cos_alpha), sine = sincos(psi, &cosine);
-      // The outline is a cosine series (Clenshaw).
-      real b1 = 0.0, b2 = 0.0;
-      for (int n = window->outline_terms - 1; n >= 1; --n) {
-        const real b = outline[n] + 2.0 * cosine * b1 - b2;
-        b2 = b1;
-        b1 = b;
-      }
-      const real rho = outline[0] + cosine * b1 - b2;
-      const real u = rho * sin_alpha * cosine, v = rho * sin_alpha * sine;
-      const int steps = any(sin_alpha > 0.8) ? job->rim_steps : job->interior_steps;
-      const vector3 impact = {u, v, (real)(0.0)};
+      const real psi = (cell.azimuth * window->azimuths + j + 0.5) * window->psi_step;
+      real cosine, rho, rho_psi, weight;
+      const real sine = sincos(psi, &cosine);
+      outline_value(outline, window->outline_terms, cosine, sine, &rho, &rho_psi);
       ray_state ray;
       exit_ray out;
-      enter(surface, job->n, job->k, job->attenuation, u, v, steps, &ray, &out);
+      vector3 impact;
+      if (beyond) {
+        const real height = (i + 0.5) * window->height_step;
+        real z, z_psi;
+        outline_value(outline + window->outline_terms, window->outline_terms, cosine, sine, &z, &z_psi);
+        const vector3 p = {rho * cosine, rho * sine, z};
+        const vector3 p_psi = {rho_psi * cosine - rho * sine, rho_psi * sine + rho * cosine, z_psi};
+        impact = p;
+        impact.z = 0.0;
+        enter_beyond(surface, job->n, ka, p, p_psi, height, &ray, &out);
+        // Incident area per height and azimuth; sqrt|A| takes its own from the derivatives.
+        weight = sqrt(sqrt(rho * rho + rho_psi * rho_psi) * (1.0 + height)) * (window->height_step * window->psi_step);
+      } else {
+        const real alpha = (cell.alpha * window->alphas + i + 0.5) * window->alpha_step;
+        real cos_alpha;
+        const real sin_alpha = sincos(alpha, &cos_alpha);
+        const vector3 at = {rho * sin_alpha * cosine, rho * sin_alpha * sine, (real)(0.0)};
+        impact = at;
+        const int steps = any(sin_alpha > 0.8) ? job->rim_steps : job->interior_steps;
+        enter(surface, job->n, job->k, job->attenuation, ka, at.x, at.y, steps, &ray, &out);
+        weight = rho * rho * sin_alpha * cos_alpha * (window->alpha_step * window->psi_step);
+      }
       for (int p = 1; p <= window->order; ++p)
-        bounce(surface, job->n, job->k, job->attenuation, impact, job->interior_steps, &ray, &out);
+        bounce(surface, job->n, job->k, job->attenuation, ka, impact, job->interior_steps, &ray, &out);
       const vector3 d = out.d;
-      const real towards = dot3(d, r0);
-      real weight = taper(dot3(d, e1), window->inner[0], window->outer[0]) *
-                    taper(dot3(d, e2), window->inner[1], window->outer[1]);
-      const mask useless = (towards < 0.2) | (out.valid < 0.5) | !(weight > 0.0) | (number > in_cell - 0.5);
+      // Where it goes, in the window's coordinates, and their tangents there.
+      const real towards = dot3(d, r0), ahead = dot3(d, f0), east = dot3(d, quarter), sin_2 = dot3(d, pole);
+      const real cos_2 = sqrt(fmax(ahead * ahead + east * east, 1e-12)), inverse_2 = 1.0 / cos_2;
+      const real cos_1 = ahead * inverse_2, sin_1 = east * inverse_2;
+      const real rho_1 = atan2(east, ahead), rho_2 = asin(clamp(sin_2, -1.0, 1.0)) - window->latitude;
+      weight *= taper(rho_1, window->inner[0], window->outer[0]) * taper(rho_2, window->inner[1], window->outer[1]);
+      const mask useless = (out.valid < 0.5) | !(weight > 0.0) | (number > in_cell - 0.5) | (towards < -0.9);
       if (all(useless)) continue;
-      // On to the plane, forward or back.
-      const real flight = (window->distance - dot3(out.p, r0)) / towards;
-      const vector3 X = along3(out.p, flight, d);
-      tube_area area = area_along(d, &out.spread);
-      const real tube = area.at0 + flight * (area.at1 + flight * area.at2);
-      const mask back = flight < 0.0;
-      area.at1 = select(area.at1, -area.at1, back);
-      const real passed = foci_within(area, fabs(flight));
-      const real foci = out.foci + select(passed, -passed, back);
-      weight *= sqrt(fabs(tube)) * rho * rho * sin_alpha * cos_alpha * (window->alpha_step * window->psi_step);
-      const real x = dot3(X, e1) - window->centre[0], y = dot3(X, e2) - window->centre[1];
+      const vector3 middle_1 = along3(scale3(cos_1, f0), sin_1, quarter);
+      const vector3 side = along3(scale3(-sin_1, f0), cos_1, quarter);
+      const vector3 t1 = scale3(cos_2, side), t2 = along3(scale3(cos_2, pole), -sin_2, middle_1);
+      const double D1 = window->shear[0], D2 = window->shear[1];
+      const real X1 = dot3(out.p, t1) - D1 * rho_1, X2 = dot3(out.p, t2) - D2 * rho_2;
+      const real along_d = dot3(out.p, d), along_middle = dot3(out.p, middle_1), along_side = dot3(out.p, side);
+#define MOMENTUM_CHANGE(q, p_q, d_q)                                                                          \
+  const real rho_1##q = dot3(d_q, t1) * inverse_2 * inverse_2, rho_2##q = dot3(d_q, t2);                      \
+  const real X1##q = dot3(p_q, t1) - (cos_2 * along_middle + D1) * rho_1##q - sin_2 * along_side * rho_2##q;  \
+  const real X2##q = dot3(p_q, t2) - sin_2 * along_side * rho_1##q - (along_d + D2) * rho_2##q;
+      MOMENTUM_CHANGE(_u, out.spread.p_u, out.spread.d_u)
+      MOMENTUM_CHANGE(_v, out.spread.p_v, out.spread.d_v)
+#undef MOMENTUM_CHANGE
+      const real A = X1_u * X2_v - X1_v * X2_u;
+      weight *= sqrt(fabs(A) * inverse_2);
+      const mask opposed = (A < 0.0) != (rho_1_u * rho_2_v - rho_1_v * rho_2_u < 0.0);
+      const real trace = X1_u * rho_1_u + X2_u * rho_2_u + X1_v * rho_1_v + X2_v * rho_2_v;
+      const real negative =
+          select(select((real)(0.0), (real)(2.0), trace < 0.0), (real)(1.0), opposed);
+      const real index = beyond ? (real)(cell.index) : out.foci + foci_ahead(area_along(d, &out.spread)) - negative;
+      const real x = X1 - window->centre[0], y = X2 - window->centre[1];
       const real xi_x = x * window->xi_per_length[0], xi_y = y * window->xi_per_length[1];
       weight *= inverse_transform(xi_x, window->beta) * inverse_transform(xi_y, window->beta);
       weight = select(weight, (real)(0.0), useless);
-      // out.path is between planes through the origin: path at the exit point less point . d.
-      const real path = out.path + dot3(out.p, d) + flight;
-      const real half_turns = job->wave * path - 0.5 * foci;
+      const real length = out.path + 0.5 * (D1 * rho_1 * rho_1 + D2 * rho_2 * rho_2) + X1 * rho_1 + X2 * rho_2;
+      const real half_turns = job->wave * length - 0.5 * index;
       const real turns = half_turns - 2.0 * rint(0.5 * half_turns);
       const real phase_c = weight * cospi(turns), phase_s = weight * sinpi(turns);
       // The Jones matrix taken over to the window's axes by the smallest turn from d to r0.
@@ -164,6 +217,7 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
         }
       }
     }
+  }
 }
 
 typedef struct {
@@ -184,11 +238,13 @@ kernel void gather_directions(constant job_t* job, constant window_t* window, gl
     const double st = sin_theta[target.row];
     const double r[3] = {st * cos_phi[target.column], st * sin_phi[target.column], cos_theta[target.row]};
 #define INNER(a, b) ((a)[0] * (b)[0] + (a)[1] * (b)[1] + (a)[2] * (b)[2])
-    const double towards = INNER(r, window->r0), cosine[2] = {INNER(r, window->e1), INNER(r, window->e2)};
+    const double towards = INNER(r, window->r0), east = INNER(r, window->e1);
+    const double rho[2] = {
+        atan2(INNER(r, window->f1), INNER(r, window->f0)), asin(clamp(INNER(r, window->f2), -1.0, 1.0)) - window->latitude};
     int start[2];
     double taps[2][TAPS];
     for (int axis = 0; axis < 2; ++axis) {
-      const double at = cosine[axis] * window->modes_per_cosine[axis] - 0.5 * TAPS, first_mode = ceil(at);
+      const double at = rho[axis] * window->modes_per_radian[axis] - 0.5 * TAPS, first_mode = ceil(at);
       const double z = 2.0 * (first_mode - at) - 1.0;
       start[axis] = (int)first_mode;
       global const double* corrections = axis == 0 ? corrections_x : corrections_y;
@@ -206,16 +262,17 @@ kernel void gather_directions(constant job_t* job, constant window_t* window, gl
         sum += taps[0][i] * taps[1][j] * vload8((size_t)row * window->points[0] + column, grid);
       }
     }
-    // exp(-i k (centre . r + distance r0 . r)), then the axes of the direction's hemisphere.
-    const double half_turns =
-        job->wave * (window->centre[0] * cosine[0] + window->centre[1] * cosine[1] + window->distance * towards);
+    // exp(-i k (centre . rho + W)), then the axes of the direction's hemisphere.
+    double half_turns = 0.0;
+    for (int axis = 0; axis < 2; ++axis)
+      half_turns += job->wave * rho[axis] * (window->centre[axis] + 0.5 * window->shear[axis] * rho[axis]);
     const double turns = half_turns - 2.0 * rint(0.5 * half_turns), c = cospi(turns), s = sinpi(turns);
     const double factor = -scale * target.weight;
     const double4 re = factor * (c * sum.lo + s * sum.hi), im = factor * (c * sum.hi - s * sum.lo);
     const double h = r[2] < 0.0 ? -1.0 : 1.0, w = 1.0 / (1.0 + fabs(r[2]));
     const double g1[3] = {1.0 - r[0] * r[0] * w, -r[0] * r[1] * w, -h * r[0]};
     // e1 turned from r0 to r, in the basis (g1, g2) with g2 = r x g1.
-    const double along = cosine[0] / (1.0 + towards);
+    const double along = east / (1.0 + towards);
     const double turned[3] = {
         window->e1[0] - along * (r[0] + window->r0[0]), window->e1[1] - along * (r[1] + window->r0[1]),
         window->e1[2] - along * (r[2] + window->r0[2])};

@@ -1,4 +1,4 @@
-// Single rays for inspection. Needs tile.cl's job_t and trace.cl, built with CURVATURE.
+// Single rays for inspection. Needs job.cl and trace.cl, built with CURVATURE.
 
 #define RAY_FIELDS 31
 

@@ -1,4 +1,4 @@
-// Tiles of the ray grid: traced order by order, their patches laid over directions. Needs trace.cl before it.
+// Tiles of the ray grid: traced order by order, their patches laid over directions. Needs job.cl and trace.cl before it.
 //
 // A patch is the cell between four neighbouring rays: two spherical triangles that share the diagonal from (i, j) to
 // (i+1, j+1). Every edge is a great circle whose sign at a direction is computed the same way by both neighbours, so
@@ -32,22 +32,6 @@ typedef struct {
 } tile_t;
 #define TILE_RIM 1    // near the rim: Newton's iteration needs more steps, and rays may graze
 #define TILE_DIRECT 2 // its mirror image is traced too (or is itself): no reflection in the symmetry plane
-
-typedef struct {
-  double n, k;        // refractive index
-  double wave;        // half-turns of phase per unit of optical path: 2 a / lambda
-  double attenuation; // of the amplitude per unit of path inside: 2 pi k a / lambda
-  double origin;      // u of ray 0; v likewise
-  double step;        // between rays
-  double row_origin, rows_per_radian; // where a direction falls in the table; only to find candidates
-  double column_origin, columns_per_radian;
-  double row_margin, column_margin;   // how far the quick angles may be off
-  int rays;           // across the grid
-  int last_order;
-  int rows, columns;
-  int focal_lines;    // 1: by the sign rule; 0: none, unless CURVATURE counts them
-  int interior_steps, rim_steps;
-} job_t;
 
 // Angle of the point (x, y), y >= 0, in [0, pi] to 2e-8: Abramowitz & Stegun 4.4.49. ratio: the smaller of |x| and y
 // over the larger.

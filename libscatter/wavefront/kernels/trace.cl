@@ -1,110 +1,19 @@
-// Rays with phasors through one drop, RAY_LANES at a time. Needs surface.cl.
+// Rays with phasors through one drop, RAY_LANES at a time. Needs surface.cl and fresnel.cl.
 //
 // Frame: z along the sunlight, x towards the side of the drop that points most downward, y completes it; lengths in
 // units of a, the radius of the equal-volume sphere. Time factor exp(-i omega t).
 //
-// The build defines ABSORBING for complex m, CURVATURE for exact focal lines (needs curvature.cl).
+// The build defines ABSORBING for complex m, CURVATURE for exact focal lines (needs curvature.cl), UNIFORM with it for
+// coefficients that hold through grazing incidence (needs grazing.cl).
 
 // Rays below this cosine are traced with twice the digits.
 #define GRAZING 0.05
 
-typedef struct {
-  real re, im;
-} complex_real;
-
-FORCE_INLINE complex_real times(complex_real a, complex_real b) {
-  complex_real c = {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-  return c;
-}
-
-// Fresnel amplitude coefficients, energy-normalised: |r|^2 + |t|^2 = 1 for a real index, whichever side.
-// Fields are referred to p = s x d before and after, with s common to all three rays (Born & Wolf, section 1.5.2).
-typedef struct {
-  complex_real r_s, r_p, t_s, t_p;
-} fresnel;
-
-#ifdef ABSORBING
-FORCE_INLINE complex_real complex_sqrt(complex_real a) {
-  const real magnitude = sqrt(a.re * a.re + a.im * a.im);
-  const real re = sqrt(fmax(0.5 * (magnitude + a.re), 0.0)), im = sqrt(fmax(0.5 * (magnitude - a.re), 0.0));
-  complex_real root = {re, copysign(im, a.im)};
-  return root;
-}
-FORCE_INLINE complex_real divide(complex_real a, complex_real b) {
-  const real scale = 1.0 / (b.re * b.re + b.im * b.im);
-  complex_real c = {(a.re * b.re + a.im * b.im) * scale, (a.im * b.re - a.re * b.im) * scale};
-  return c;
-}
-FORCE_INLINE complex_real minus(complex_real a, complex_real b) {
-  complex_real c = {a.re - b.re, a.im - b.im};
-  return c;
-}
-FORCE_INLINE complex_real plus(complex_real a, complex_real b) {
-  complex_real c = {a.re + b.re, a.im + b.im};
-  return c;
-}
-// cos_outside is complex beyond the critical angle; the transmitted coefficients carry sqrt of the ratio of the
-// normal energy flux, with the real parts of m and of the angles.
-FORCE_INLINE fresnel fresnel_coefficients(
-    double n, double k, complex_real outside, complex_real inside, int leaving, real flux_ratio) {
-  const complex_real m = {n, k};
-  const complex_real m_in = times(m, inside), m_out = times(m, outside);
-  fresnel f;
-  const complex_real s_sum = plus(outside, m_in), p_sum = plus(m_out, inside);
-  if (leaving) {
-    f.r_s = divide(minus(m_in, outside), s_sum);
-    f.r_p = divide(minus(inside, m_out), p_sum);
-  } else {
-    f.r_s = divide(minus(outside, m_in), s_sum);
-    f.r_p = divide(minus(m_out, inside), p_sum);
-  }
-  const real root = sqrt(flux_ratio);
-  const complex_real from = leaving ? m_in : outside, from_p = leaving ? m_in : outside;
-  complex_real twice = {2.0 * root * from.re, 2.0 * root * from.im};
-  complex_real twice_p = {2.0 * root * from_p.re, 2.0 * root * from_p.im};
-  f.t_s = divide(twice, s_sum);
-  f.t_p = divide(twice_p, p_sum);
-  return f;
-}
+#ifdef UNIFORM
+#define WEAK_ABSORPTION 1e-3 // beyond this k the coefficients of the plane surface serve
+#define SIZE_PARAMETER double ka,
 #else
-FORCE_INLINE complex_real real_ratio(real a, real b) {
-  complex_real c = {a / b, 0.0};
-  return c;
-}
-// Outside -> inside, real index n; cosines of the angles of incidence and refraction.
-FORCE_INLINE fresnel fresnel_entering(double n, real outside, real inside) {
-  const real s = outside + n * inside, p = n * outside + inside, both = 1.0 / (s * p);
-  const real s_sum = p * both, p_sum = s * both;
-  const real t = 2.0 * sqrt(n * outside * inside);
-  fresnel f;
-  f.r_s.re = (outside - n * inside) * s_sum;
-  f.r_p.re = (n * outside - inside) * p_sum;
-  f.t_s.re = t * s_sum;
-  f.t_p.re = t * p_sum;
-  f.r_s.im = f.r_p.im = f.t_s.im = f.t_p.im = 0.0;
-  return f;
-}
-// Inside -> outside. cosine2: squared cosine of the angle outside, below 0 in total reflection, where the cosine
-// outside is +i sqrt(-cosine2) (the field decays outwards).
-FORCE_INLINE fresnel fresnel_leaving(double n, real inside, real cosine2, real* outside) {
-  const mask total = cosine2 < 0.0;
-  const real q = sqrt(fabs(cosine2));
-  *outside = select(q, (real)(0.0), total);
-  const real a = n * inside, b = n * q;
-  const real s = select(a + q, a * a + q * q, total), p = select(inside + b, inside * inside + b * b, total);
-  const real both = 1.0 / (s * p), inverse_s = p * both, inverse_p = s * both;
-  fresnel f;
-  // Total: (a - iq)/(a + iq) = ((a^2 - q^2) - 2iaq) / (a^2 + q^2).
-  f.r_s.re = select(a - q, a * a - q * q, total) * inverse_s;
-  f.r_s.im = select((real)(0.0), -2.0 * a * q, total) * inverse_s;
-  f.r_p.re = select(inside - b, inside * inside - b * b, total) * inverse_p;
-  f.r_p.im = select((real)(0.0), -2.0 * inside * b, total) * inverse_p;
-  const real t = 2.0 * sqrt(a * *outside);
-  f.t_s.re = t * inverse_s;
-  f.t_p.re = t * inverse_p;
-  f.t_s.im = f.t_p.im = 0.0;
-  return f;
-}
+#define SIZE_PARAMETER
 #endif
 
 // A ray inside the drop, just after it left a point of the surface. The Jones matrix maps the incident (x, y) field to
@@ -190,7 +99,7 @@ FORCE_INLINE vector3 across_plane(vector3 d, vector3 n) {
 
 // Order 0: the ray at (u, v) of the incident plane meets the drop, sends off a reflected ray and goes on inside.
 FORCE_INLINE void enter(
-    constant const double* surface, double n, double k, double attenuation, real u, real v, int steps,
+    constant const double* surface, double n, double k, double attenuation, SIZE_PARAMETER real u, real v, int steps,
     ray_state* ray, exit_ray* out) {
   const vector3 axis = surface_axis(surface);
   const vector3 d = {(real)(0.0), (real)(0.0), (real)(1.0)};
@@ -245,9 +154,17 @@ FORCE_INLINE void enter(
   const real sine2_out = fma(-outside, outside, 1.0);
   const double m2_re = n * n - k * k, m2_im = 2.0 * n * k, m4 = m2_re * m2_re + m2_im * m2_im;
   const complex_real in_cos2 = {1.0 - sine2_out * (m2_re / m4), sine2_out * (m2_im / m4)};
-  const fresnel f = fresnel_coefficients(n, k, out_cos, complex_sqrt(in_cos2), 0, n * inside / outside);
+  fresnel f = fresnel_coefficients(n, k, out_cos, complex_sqrt(in_cos2), 0, n * inside / outside);
 #else
-  const fresnel f = fresnel_entering(n, outside, inside);
+  fresnel f = fresnel_entering(n, outside, inside);
+#endif
+#ifdef CURVATURE
+  const surface_patch bent = bent_surface(surface, p, normal);
+#endif
+#ifdef UNIFORM
+  if (k < WEAK_ABSORPTION)
+    f = curved_fresnel(surface + SURFACE_EDGE, n, ka / incidence_curvature(surface, &bent, d),
+                       sqrt(fma(-outside, outside, 1.0)), outside * outside, inside, 0);
 #endif
   // Reflected.
   const vector3 reflected = along3(d, 2.0 * outside, normal);
@@ -257,7 +174,6 @@ FORCE_INLINE void enter(
   const complex_real sx = {f.r_s.re * s.x, f.r_s.im * s.x}, sy = {f.r_s.re * s.y, f.r_s.im * s.y};
   leave(p, reflected, s, px, py, sx, sy, p.z, (real)(0.0), side, valid, impact, out);
 #ifdef CURVATURE
-  const surface_patch bent = bent_surface(surface, p, normal);
   const vector3 east = {(real)(1.0), (real)(0.0), (real)(0.0)}, north = {(real)(0.0), (real)(1.0), (real)(0.0)};
   ray_spread spread = {east, north, zero, zero};
   fly(&spread, d, (real)(0.0), normal);
@@ -287,7 +203,7 @@ FORCE_INLINE void enter(
 
 // Orders 1, 2, ...: across the drop, out by refraction, and on inside by reflection. impact: where the ray came in.
 FORCE_INLINE void bounce(
-    constant const double* surface, double n, double k, double attenuation, vector3 impact, int steps,
+    constant const double* surface, double n, double k, double attenuation, SIZE_PARAMETER vector3 impact, int steps,
     ray_state* ray, exit_ray* out) {
   const vector3 axis = surface_axis(surface);
   const vector3 d = ray->d;
@@ -354,22 +270,42 @@ FORCE_INLINE void bounce(
   const double m2_re = n * n - k * k, m2_im = 2.0 * n * k, m4 = m2_re * m2_re + m2_im * m2_im;
   const complex_real in_cos2 = {1.0 - sine2 * (m2_re / m4), sine2 * (m2_im / m4)};
   const complex_real in_cos = complex_sqrt(in_cos2), out_cos = {outside, evanescent};
-  const fresnel f = fresnel_coefficients(n, k, out_cos, in_cos, 1, outside / (n * fmax(inside, 1e-300)));
+  fresnel f = fresnel_coefficients(n, k, out_cos, in_cos, 1, outside / (n * fmax(inside, 1e-300)));
 #else
   real outside;
-  const fresnel f = fresnel_leaving(n, inside, cosine2, &outside);
+  fresnel f = fresnel_leaving(n, inside, cosine2, &outside);
+#endif
+#ifdef CURVATURE
+  const surface_patch bent = bent_surface(surface, p, normal);
+#endif
+#ifdef UNIFORM
+  const real curvature = incidence_curvature(surface, &bent, d), sine_outside = sqrt(fmax(1.0 - cosine2, 0.0));
+  if (k < WEAK_ABSORPTION)
+    f = curved_fresnel(surface + SURFACE_EDGE, n, ka / curvature, sine_outside, cosine2, inside, 1);
 #endif
   const real side = impact.x * p.x + impact.y * p.y;
   const real crossings = ray->axis_crossings + select((real)(0.0), (real)(1.0), side * ray->side < 0.0);
   // Refracted, out.
   const real bend = outside - n * inside;
   vector3 refracted = {n * d.x + bend * normal.x, n * d.y + bend * normal.y, n * d.z + bend * normal.z};
+#ifdef UNIFORM
+  // A wave reflected in total tunnels out to a ray that grazes at some height above the surface.
+  const mask beyond = cosine2 < 0.0;
+  const vector3 level = along3(d, -inside, normal);
+  const real inverse_level = 1.0 / sqrt(fmax(dot3(level, level), 1e-300));
+  const vector3 tangent = scale3(inverse_level, level);
+  const real height = select((real)(0.0), (sine_outside - 1.0) / curvature, beyond);
+  refracted = select3(still_unit3(refracted), tangent, beyond);
+  const vector3 exit_point = along3(p, height, normal);
+  const real valid = alive * select((real)(0.0), (real)(1.0), height * ka < 1e3);
+#else
   refracted = still_unit3(refracted);
+  const vector3 exit_point = p;
   const real valid = alive * select((real)(0.0), (real)(1.0), cosine2 > 0.0);
-  leave(p, refracted, s, times(f.t_p, px), times(f.t_p, py), times(f.t_s, sx), times(f.t_s, sy), path, crossings,
-        side, valid, impact, out);
+#endif
+  leave(exit_point, refracted, s, times(f.t_p, px), times(f.t_p, py), times(f.t_s, sx), times(f.t_s, sy), path,
+        crossings, side, valid, impact, out);
 #ifdef CURVATURE
-  const surface_patch bent = bent_surface(surface, p, normal);
   ray_spread spread = ray->spread;
   const real foci = ray->foci + foci_within(area_along(d, &spread), t);
   fly(&spread, d, t, normal);
@@ -377,7 +313,18 @@ FORCE_INLINE void bounce(
   ray->spread = out->spread = spread;
   turn_directions(&out->spread, d, normal, n_u, n_v, (real)(n), inside, outside);
   turn_directions(&ray->spread, d, normal, n_u, n_v, (real)(1.0), inside, -inside);
-  out->p = p;
+#ifdef UNIFORM
+  const real c_u = dot3(spread.d_u, normal) + dot3(d, n_u), c_v = dot3(spread.d_v, normal) + dot3(d, n_v);
+  const vector3 g_u = along3(along3(spread.d_u, -c_u, normal), -inside, n_u);
+  const vector3 g_v = along3(along3(spread.d_v, -c_v, normal), -inside, n_v);
+  const real l_u = dot3(tangent, g_u), l_v = dot3(tangent, g_v);
+  out->spread.d_u = select3(out->spread.d_u, scale3(inverse_level, along3(g_u, -l_u, tangent)), beyond);
+  out->spread.d_v = select3(out->spread.d_v, scale3(inverse_level, along3(g_v, -l_v, tangent)), beyond);
+  const real climb = select((real)(0.0), n / curvature, beyond);
+  out->spread.p_u = along3(along3(spread.p_u, height, n_u), climb * l_u, normal);
+  out->spread.p_v = along3(along3(spread.p_v, height, n_v), climb * l_v, normal);
+#endif
+  out->p = exit_point;
   out->foci = ray->foci = foci;
 #endif
   // Reflected, inside.
@@ -395,3 +342,53 @@ FORCE_INLINE void bounce(
   ray->axis_crossings = crossings;
   ray->alive = alive;
 }
+
+#ifdef UNIFORM
+// Order 0 of light that passes the drop at a height above its outline and tunnels in: at the point where the surface's
+// normal lies across the light. outline_point, its derivative by the azimuth; height >= 0. The derivatives in `spread`
+// are by height and azimuth instead of u and v.
+FORCE_INLINE void enter_beyond(
+    constant const double* surface, double n, double ka, vector3 p, vector3 p_psi, real height, ray_state* ray,
+    exit_ray* out) {
+  const vector3 d = {(real)(0.0), (real)(0.0), (real)(1.0)}, zero = {(real)(0.0), (real)(0.0), (real)(0.0)};
+  const vector3 normal = surface_normal(surface, p);
+  const surface_patch bent = bent_surface(surface, p, normal);
+  const real curvature = incidence_curvature(surface, &bent, d), sine = 1.0 + curvature * height;
+  const real c2 = -curvature * height * (2.0 + curvature * height), inside = sqrt(1.0 - sine * sine / (n * n));
+  const fresnel f = curved_fresnel(surface + SURFACE_EDGE, n, ka / curvature, sine, c2, inside, 0);
+  const vector3 s = across_plane(d, normal), in_p = cross3(s, d);
+  const vector3 impact = {p.x, p.y, (real)(0.0)};
+  const real side = p.x * p.x + p.y * p.y;
+  const complex_real px = {f.r_p.re * in_p.x, f.r_p.im * in_p.x}, py = {f.r_p.re * in_p.y, f.r_p.im * in_p.y};
+  const complex_real sx = {f.r_s.re * s.x, f.r_s.im * s.x}, sy = {f.r_s.re * s.y, f.r_s.im * s.y};
+  const vector3 above = along3(p, height, normal);
+  leave(above, d, s, px, py, sx, sy, p.z, (real)(0.0), side, (real)(1.0), impact, out);
+  const vector3 n_psi = normal_change(surface, &bent, p_psi);
+  const vector3 tangent = {d.x / n * sine, d.y / n * sine, d.z / n * sine};
+  ray->p = p;
+  ray->d = along3(tangent, -inside, normal);
+  ray->p_rest = ray->d_rest = zero;
+  ray->s = s;
+  ray->px.re = f.t_p.re * in_p.x;
+  ray->px.im = f.t_p.im * in_p.x;
+  ray->py.re = f.t_p.re * in_p.y;
+  ray->py.im = f.t_p.im * in_p.y;
+  ray->sx.re = f.t_s.re * s.x;
+  ray->sx.im = f.t_s.im * s.x;
+  ray->sy.re = f.t_s.re * s.y;
+  ray->sy.im = f.t_s.im * s.y;
+  ray->path = p.z;
+  ray->side = side;
+  ray->axis_crossings = 0.0;
+  ray->alive = (real)(1.0);
+  ray->foci = out->foci = 0.0;
+  ray->spread.p_u = zero;
+  ray->spread.p_v = p_psi;
+  ray->spread.d_u = scale3(curvature, along3(scale3((real)(1.0 / n), d), sine / (n * n * inside), normal));
+  ray->spread.d_v = scale3(-inside, n_psi);
+  out->p = above;
+  out->spread.p_u = normal;
+  out->spread.p_v = along3(p_psi, height, n_psi);
+  out->spread.d_u = out->spread.d_v = zero;
+}
+#endif
