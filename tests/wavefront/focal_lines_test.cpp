@@ -1,0 +1,303 @@
+#include "brute_force_foci.hpp"
+#include "support.hpp"
+#include <scatter/exact/debye.hpp>
+
+#include <array>
+
+/// Curvature of the wavefront along rays, and the focal lines counted from it.
+namespace {
+
+using namespace support;
+
+struct Case {
+  std::string name;
+  drop::Shape shape;
+  double sun;
+};
+std::vector<Case> cases() {
+  std::vector<Case> all;
+  for (const double sun : {0.0, 20.0, 90.0}) {
+    const std::string at = "_sun_" + std::to_string(static_cast<int>(sun));
+    all.push_back({"spheroid_0_85" + at, drop::spheroid(0.5e-3, 0.85), sun});
+    all.push_back({"beard_chuang_1mm" + at, drop::beard_chuang(1e-3), sun});
+    all.push_back({"chuang_beard_3mm" + at, drop::chuang_beard(3e-3), sun});
+  }
+  return all;
+}
+const std::vector<Case> all_cases = cases();
+void PrintTo(const Case& drop, std::ostream* out) {
+  *out << drop.name;
+}
+
+/// Even over a disc of this radius, without symmetry: a spiral of Fibonacci.
+struct Points {
+  std::vector<double> u, v;
+};
+Points over_the_disc(int count, double radius) {
+  Points points;
+  for (int i = 0; i < count; ++i) {
+    const double r = radius * std::sqrt((i + 0.5) / count), angle = i * 2.399963229728653;
+    points.u.push_back(r * std::cos(angle));
+    points.v.push_back(r * std::sin(angle));
+  }
+  return points;
+}
+
+using Vector = std::array<double, 3>;
+Vector operator-(const Vector& a, const Vector& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+double dot(const Vector& a, const Vector& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+Vector cross(const Vector& a, const Vector& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+double norm(const Vector& a) {
+  return std::sqrt(dot(a, a));
+}
+/// Solid angle per area of the incident beam, with its sign.
+double jacobian(const TracedRay& ray) {
+  return dot(ray.direction, cross(ray.direction_u, ray.direction_v));
+}
+/// The same from the angles theta and phi themselves, as a table has them: sin(theta) d(theta, phi) / d(u,
+/// v).
+double solid_angle(const Vector& d, const Vector& d_u, const Vector& d_v) {
+  const double rho = std::hypot(d[0], d[1]);
+  const auto theta_by = [&](const Vector& change) {
+    return (d[2] * (d[0] * change[0] + d[1] * change[1]) / rho - rho * change[2]);
+  };
+  const auto phi_by = [&](const Vector& change) {
+    return (d[0] * change[1] - d[1] * change[0]) / (rho * rho);
+  };
+  return rho * (theta_by(d_u) * phi_by(d_v) - theta_by(d_v) * phi_by(d_u));
+}
+
+TEST(FociOfTheSphere, AreAsManyAsVanDeHulstSays) {
+  for (const drop::Shape& shape : {drop::sphere(0.5e-3), drop::cosine_series(0.5e-3, {0, 0, 1e-15})})
+    for (const double n : {1.1, 1.333, 1.5, 1.9, 2.4}) {
+      constexpr int last = 8, samples = 4001;
+      Tracer trace = tracer(shape, 20);
+      std::vector<double> u, v;
+      for (int i = 0; i < samples; ++i) {
+        const double b = std::sin(0.5 * pi * (i + 0.5) / samples);
+        u.push_back(b * std::cos(0.7 * i));
+        v.push_back(b * std::sin(0.7 * i));
+      }
+      const auto rays = trace.trace(with_index(n), u, v, last);
+      for (int p = 0; p <= last; ++p) {
+        int wrong = 0, compared = 0;
+        for (int i = 0; i < samples; ++i) {
+          const double b = std::hypot(u[i], v[i]), ci = std::sqrt(1 - b * b),
+                       cr = std::sqrt(1 - b * b / (n * n));
+          const double slope = p == 0 ? 2 / ci : 2 / ci - 2 * p / (n * cr);
+          // The angle that the ray's place has turned about the centre, from far to far.
+          const double turned = (2 * std::asin(b) + p * (pi - 2 * std::asin(b / n))) / pi;
+          // On a caustic, and where the ray leaves along the axis, either count would do.
+          if (std::abs(slope) < 1e-9 || std::abs(turned - std::round(turned)) < 1e-9) continue;
+          const int crossings = static_cast<int>(std::floor(turned));
+          const int expected = crossings + p - 1 + (slope > 0 ? 1 : 0);
+          ++compared;
+          if (rays[i][p].foci != expected && ++wrong < 4)
+            ADD_FAILURE() << "n " << n << ", order " << p << ", b " << b << ": " << rays[i][p].foci << " for "
+                          << expected;
+        }
+        EXPECT_EQ(wrong, 0) << "of " << compared << ", n " << n << ", order " << p;
+        EXPECT_GT(compared, samples - 5);
+      }
+    }
+}
+
+/// Points over the disc, and along the rim down to cosines of incidence of 0.01.
+Points up_to_the_rim(Tracer& trace, const Light& light) {
+  Points points = over_the_disc(200, 1.1);
+  constexpr int rim = 60;
+  for (int i = 0; i < rim; ++i) {
+    const double angle = 2 * pi * (i + 0.3) / rim;
+    double inside = 0, outside = 1.5;
+    for (int k = 0; k < 30; ++k) {
+      const double r = 0.5 * (inside + outside);
+      const std::vector<double> u{r * std::cos(angle)}, v{r * std::sin(angle)};
+      (trace.trace(light, u, v, 0)[0][0].valid ? inside : outside) = r;
+    }
+    const double r = inside * (1 - 0.05 * std::pow(10.0, -3.0 * (i % 15) / 15));
+    points.u.push_back(r * std::cos(angle));
+    points.v.push_back(r * std::sin(angle));
+  }
+  return points;
+}
+
+class RaysWithCurvature : public testing::TestWithParam<Case> {};
+
+TEST_P(RaysWithCurvature, SpreadAndMeetLikeNeighboursOfTheReference) {
+  constexpr int last = 8;
+  const Case& drop = GetParam();
+  const Light light = with_index(1.333);
+  Tracer trace = tracer(drop.shape, drop.sun);
+  const Points points = up_to_the_rim(trace, light);
+  const auto rays = trace.trace(light, points.u, points.v, last);
+  const reference::Surface surface(drop.shape, drop.sun);
+  Worst derivative, area;
+  long counted = 0, unclear = 0, wrong = 0;
+  for (std::size_t k = 0; k < points.u.size(); ++k) {
+    const reference::Bundle bundle(surface, light.index.real(), points.u[k], points.v[k], last);
+    const auto expected = reference::count_foci(bundle);
+    for (std::size_t p = 0; p < expected.size(); ++p) {
+      const TracedRay& ray = rays[k][p];
+      const auto where = [&] {
+        return "order " + std::to_string(p) + ", u " + std::to_string(points.u[k]) + ", v " +
+               std::to_string(points.v[k]);
+      };
+      if (bundle.leaves(p)) {
+        const auto rounded = [](reference::vec a) { return Vector{double(a.x), double(a.y), double(a.z)}; };
+        const Vector expected_u = rounded(bundle.direction_by(0, p)),
+                     expected_v = rounded(bundle.direction_by(1, p));
+        const double size = std::max(norm(expected_u), norm(expected_v));
+        derivative.see(
+            std::max(norm(ray.direction_u - expected_u), norm(ray.direction_v - expected_v)) / size, where);
+        const double point_size = std::max(norm(ray.point_u), norm(ray.point_v));
+        derivative.see(
+            std::max(
+                norm(ray.point_u - rounded(bundle.point_by(0, p))),
+                norm(ray.point_v - rounded(bundle.point_by(1, p)))) /
+                point_size,
+            where);
+        area.see(
+            std::abs(solid_angle(rounded(bundle.ray[p].direction), expected_u, expected_v) - jacobian(ray)) /
+                (size * size),
+            where);
+      }
+      // A focus on a surface, or at infinity, belongs to either side.
+      if (expected[p].margin < 1e-6L) {
+        ++unclear;
+        continue;
+      }
+      ++counted;
+      const bool same =
+          ray.foci_inside == expected[p].inside && (!bundle.leaves(p) || ray.foci == expected[p].total);
+      if (!same && ++wrong < 6)
+        ADD_FAILURE() << where() << ": " << ray.foci_inside << " foci inside, " << ray.foci
+                      << " in all, by the search " << expected[p].inside << ", " << expected[p].total
+                      << ", margin " << double(expected[p].margin);
+    }
+  }
+  std::printf(
+      "%ld rays and orders: %ld counts wrong, %ld unclear; derivatives off by %.2g, solid angles by %.2g\n",
+      counted, wrong, unclear, derivative.value, area.value);
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(counted, 1500);
+  EXPECT_LT(unclear, counted / 200);
+  expect_below(derivative, 1e-6, "derivatives");
+  expect_below(area, 1e-6, "solid angles");
+}
+
+INSTANTIATE_TEST_SUITE_P(Drops, RaysWithCurvature, testing::ValuesIn(all_cases), [](const auto& one) {
+  return one.param.name;
+});
+
+double deflection(double n, double incidence, int p) {
+  return (p - 1) * pi + 2 * incidence - 2 * p * std::asin(std::sin(incidence) / n);
+}
+
+/// Impact parameters of all rays of order p that leave a sphere at the scattering angle theta.
+std::vector<double> impacts(double n, int p, double theta) {
+  // By the angle of incidence, which resolves the rim.
+  std::vector<double> ends{0, pi / 2};
+  if (p >= 2 && n * n - 1 < p * p - 1.0)
+    ends.insert(ends.begin() + 1, std::asin(std::sqrt(1 - (n * n - 1) / (p * p - 1.0))));
+  std::vector<double> found;
+  for (std::size_t s = 0; s + 1 < ends.size(); ++s) {
+    const double from = deflection(n, ends[s], p), to = deflection(n, ends[s + 1], p);
+    for (int turn = -2 * (p + 2); turn <= 2 * (p + 2); ++turn)
+      for (const double sign : {-1.0, 1.0}) {
+        const double target = sign * theta + 2 * pi * turn;
+        if ((from < target) == (to < target)) continue;
+        double low = ends[s], high = ends[s + 1];
+        for (int k = 0; k < 80; ++k) {
+          const double middle = 0.5 * (low + high);
+          ((deflection(n, middle, p) < target) == (from < target) ? low : high) = middle;
+        }
+        found.push_back(std::sin(0.5 * (low + high)));
+      }
+  }
+  return found;
+}
+
+/// Single rays with their foci against the Debye series, which knows of no rays. Left out is where order p is
+/// no sum of rays: within 7 x^(-1/3) rad of where the grazing ray goes (6 for the primary, which has little
+/// else), within six Airy widths of its bow, within 2000 deg / x of forward and backward, and where several
+/// rays, or Brewster's angle, leave next to nothing of the amplitude.
+TEST(PhaseOfAnOrder, IsThatOfTheDebyeSeries) {
+  const double n = 1.333, wavelength = 650e-9;
+  std::vector<int> orders(9);
+  for (int p = 0; p <= 8; ++p) orders[p] = p;
+  for (const double radius : {0.1e-3, 0.4e-3, 1e-3}) {
+    Tracer trace = tracer(drop::cosine_series(radius, {0, 0, 1e-15}), 20);
+    const double x = 2 * pi * radius / wavelength;
+    const auto theta_deg = range(1.13, 179.13, 0.05);
+    const auto series = exact::debye_at_degrees(x, n, orders, theta_deg);
+    for (int p = 0; p <= 8; ++p) {
+      const auto folded = [&](double sine) {
+        return std::abs(std::remainder(deflection(n, std::asin(sine), p), 2 * pi)) / degree;
+      };
+      const double penumbra = (p == 2 ? 6 : 7) * std::pow(x, -1.0 / 3) / degree;
+      const double grazing = folded(1), m2 = n * n - 1;
+      const double bow = p < 2 ? -1e9 : folded(std::sqrt(1 - m2 / (p * p - 1.0)));
+      // van de Hulst, section 13.23.
+      const double h = p < 2 ? 0 : std::pow(p * p - 1.0, 2) / (p * p * m2) * std::sqrt((p * p - n * n) / m2);
+      std::vector<double> u;
+      std::vector<std::size_t> first, row;
+      for (std::size_t t = 0; t < theta_deg.size(); ++t) {
+        const double theta = theta_deg[t];
+        if (std::abs(theta - grazing) < penumbra ||
+            std::abs(theta - bow) < 6 * std::cbrt(h) * std::pow(x, -2.0 / 3) / degree ||
+            std::min(theta, 180 - theta) < 2000 / x)
+          continue;
+        const auto some = impacts(n, p, theta * degree);
+        if (some.empty()) continue;
+        first.push_back(u.size());
+        row.push_back(t);
+        u.insert(u.end(), some.begin(), some.end());
+      }
+      if (u.empty()) {
+        // Bow and grazing ray of the primary are 28 deg apart.
+        EXPECT_TRUE(p == 2 && radius < 0.2e-3) << "order " << p << ", " << radius;
+        continue;
+      }
+      first.push_back(u.size());
+      const auto rays = trace.trace(Light{wavelength, n}, u, std::vector<double>(u.size(), 0.0), p);
+      Worst perpendicular, parallel;
+      for (std::size_t i = 0; i < row.size(); ++i) {
+        std::complex<double> S1 = 0, S2 = 0;
+        double most1 = 0, most2 = 0;
+        for (std::size_t k = first[i]; k < first[i + 1]; ++k) {
+          const TracedRay& ray = rays[k][p];
+          const auto phasor = std::complex<double>(0, -x) / std::sqrt(std::abs(jacobian(ray))) *
+                              std::polar(1.0, x * ray.path - ray.foci * pi / 2);
+          S1 += phasor * ray.jones.S1;
+          S2 += phasor * ray.jones.S2;
+          most1 += std::abs(phasor * ray.jones.S1);
+          most2 += std::abs(phasor * ray.jones.S2);
+        }
+        const auto off = [](std::complex<double> a, std::complex<double> b) {
+          return std::abs(std::arg(a / b)) / degree;
+        };
+        const auto where = [&] { return "theta " + std::to_string(theta_deg[row[i]]); };
+        if (std::abs(S1) > 0.5 * most1) perpendicular.see(off(S1, series.orders[p].S1[row[i]]), where);
+        if (std::abs(S2) > 0.5 * most2 && std::abs(S2) > 0.25 * std::abs(S1))
+          parallel.see(off(S2, series.orders[p].S2[row[i]]), where);
+      }
+      std::printf(
+          "%g mm, order %d: %ld angles, S1 off by %.2f deg, %ld, S2 by %.2f deg\n", radius * 1e3, p,
+          perpendicular.count, perpendicular.value, parallel.count, parallel.value);
+      // Rays are wrong by the order of 1/x, and the more the higher their order.
+      const double limit = radius < 0.2e-3 && p >= 7 ? 5 : 1;
+      const std::string what = std::to_string(radius) + ", order " + std::to_string(p);
+      expect_below(perpendicular, limit, "S1 of " + what);
+      if (parallel.count > 0) expect_below(parallel, limit, "S2 of " + what);
+      EXPECT_GT(perpendicular.count, 40) << what;
+    }
+  }
+}
+
+} // namespace
