@@ -300,4 +300,222 @@ TEST(PhaseOfAnOrder, IsThatOfTheDebyeSeries) {
   }
 }
 
+Tracing
+counted(const drop::Shape& shape, double sun, int rays, FocalLines focal_lines, std::vector<int> orders) {
+  Tracing tracing;
+  tracing.shape = shape;
+  tracing.sun_elevation_deg = sun;
+  tracing.rays = rays;
+  tracing.orders = std::move(orders);
+  tracing.focal_lines = focal_lines;
+  return tracing;
+}
+
+/// The same field but for two places where the rule goes by the cell, not by the ray: cells that the bow's
+/// ray passes through, and the wide ones of grazing rays that reach across the axis.
+void expect_the_rules_field(const drop::Shape& shape, int rays, int last) {
+  std::vector<int> orders(last + 1);
+  for (int p = 0; p <= last; ++p) orders[p] = p;
+  const double n = red.index.real();
+  Wanted wanted;
+  wanted.theta_deg = range(6.03, 174.03, 0.5);
+  std::vector<double> bows;
+  for (int p = 2; p <= last; ++p) {
+    const double sine = std::sqrt(1 - (n * n - 1) / (p * p - 1.0));
+    bows.push_back(std::abs(std::remainder(deflection(n, std::asin(sine), p), 2 * pi)) / degree);
+    for (int k = -20; k <= 20; ++k) wanted.theta_deg.push_back(bows.back() + k * 0.001 + 0.0003);
+  }
+  std::sort(wanted.theta_deg.begin(), wanted.theta_deg.end());
+  wanted.phi_deg = {37};
+  wanted.amplitudes = wanted.per_order = true;
+  const FarField exact = far_field(counted(shape, 20, rays, FocalLines::exact, orders), red, wanted);
+  const FarField rule = far_field(counted(shape, 20, rays, FocalLines::rule, orders), red, wanted);
+  const double strip = 0.003 * std::pow(1000.0 / rays, 2);
+  Worst worst;
+  long on_edges = 0;
+  for (std::size_t i = 0; i < exact.order_amplitude.size(); ++i) {
+    const std::size_t p = i / wanted.theta_deg.size();
+    const double theta = wanted.theta_deg[i % wanted.theta_deg.size()];
+    if (p >= 2 && std::abs(theta - bows[p - 2]) < strip) {
+      ++on_edges;
+      continue;
+    }
+    const Amplitude &a = exact.order_amplitude[i], &b = rule.order_amplitude[i];
+    const double size = std::max({std::abs(b.S1), std::abs(b.S2), 1e-3});
+    worst.see(difference(a, b) / size, [&] {
+      return "order " + std::to_string(p) + ", theta " + std::to_string(theta);
+    });
+  }
+  std::printf("%ld amplitudes, off by %.2g; %ld more on edges\n", worst.count, worst.value, on_edges);
+  expect_below(worst, 1e-9, shape.name);
+  EXPECT_GE(on_edges, 5 * (last - 1));
+  EXPECT_LT(on_edges, worst.count / 5);
+}
+
+TEST(ExactFocalLines, AreThoseOfTheRuleForASphere) {
+  expect_the_rules_field(drop::sphere(0.5e-3), 1000, 8);
+}
+
+TEST(ExactFocalLines, AreThoseOfTheRuleForASphereTracedAsADrop) {
+  expect_the_rules_field(drop::cosine_series(0.5e-3, {0, 0, 1e-15}), 400, 4);
+}
+
+/// Rays of order p that leave in a direction: from the nearest of a grid by Newton's iteration.
+std::vector<std::array<double, 2>> rays_towards(
+    Tracer& trace, const Light& light, const std::vector<std::vector<TracedRay>>& grid, const Points& points,
+    double step, int p, const Vector& direction) {
+  Points found;
+  for (std::size_t k = 0; k < grid.size(); ++k) {
+    const TracedRay& ray = grid[k][p];
+    if (!ray.valid) continue;
+    const double reach = 2 * step * (norm(ray.direction_u) + norm(ray.direction_v));
+    if (norm(ray.direction - direction) > std::max(reach, 0.05)) continue;
+    found.u.push_back(points.u[k]);
+    found.v.push_back(points.v[k]);
+  }
+  std::vector<bool> lost(found.u.size(), false);
+  const auto guess = found;
+  for (int round = 0; round < 12; ++round) {
+    const auto rays = trace.trace(light, found.u, found.v, p);
+    for (std::size_t k = 0; k < rays.size(); ++k) {
+      const TracedRay& ray = rays[k][p];
+      lost[k] = lost[k] || !ray.valid || norm(ray.direction - direction) > 0.7;
+      if (lost[k]) continue;
+      // Where the two planes of directions meet: only the part across counts.
+      const Vector miss = direction - ray.direction;
+      const double area = jacobian(ray);
+      const double du = dot(ray.direction, cross(miss, ray.direction_v)) / area;
+      const double dv = dot(ray.direction, cross(ray.direction_u, miss)) / area;
+      const double far = std::hypot(du, dv), kept = std::min(1.0, 2 * step / far);
+      found.u[k] += far > 0 ? kept * du : 0;
+      found.v[k] += far > 0 ? kept * dv : 0;
+      if (std::hypot(found.u[k] - guess.u[k], found.v[k] - guess.v[k]) > 20 * step) lost[k] = true;
+    }
+  }
+  std::vector<std::array<double, 2>> unique;
+  const auto rays = trace.trace(light, found.u, found.v, p);
+  for (std::size_t k = 0; k < rays.size(); ++k) {
+    if (lost[k] || !rays[k][p].valid || norm(rays[k][p].direction - direction) > 1e-9) continue;
+    if (std::none_of(unique.begin(), unique.end(), [&](const auto& other) {
+          return std::hypot(other[0] - found.u[k], other[1] - found.v[k]) < 1e-6;
+        }))
+      unique.push_back({found.u[k], found.v[k]});
+  }
+  return unique;
+}
+
+TEST(ExactFocalLines, GiveADropsPatchesThePhaseOfASearchAlongItsRays) {
+  const std::vector<int> orders{0, 1, 2, 3, 4, 5};
+  const Light light{6.5e-6, 1.333};
+  const drop::Shape shape = drop::beard_chuang(1e-3);
+  const double x = 2 * pi * shape.radius_m / light.wavelength_m;
+  Wanted wanted;
+  wanted.theta_deg = {12.3, 31.7, 55.1, 101.3, 123.7, 146.9, 167.1};
+  wanted.phi_deg = {7, 33, 95, 163};
+  wanted.amplitudes = wanted.per_order = true;
+  const FarField exact = far_field(counted(shape, 20, 1000, FocalLines::exact, orders), light, wanted);
+  const FarField rule = far_field(counted(shape, 20, 1000, FocalLines::rule, orders), light, wanted);
+
+  Tracer trace = tracer(shape, 20);
+  const reference::Surface surface(shape, 20);
+  constexpr int across = 260;
+  constexpr double step = 2.2 / across;
+  Points points;
+  for (int i = 0; i < across; ++i)
+    for (int j = 0; j < across; ++j) {
+      points.u.push_back((i + 0.5) * step - 1.1);
+      points.v.push_back((j + 0.5) * step - 1.1);
+    }
+  const auto grid = trace.trace(light, points.u, points.v, orders.back());
+  Worst off;
+  int single_rays = 0, misled = 0, skipped = 0;
+  for (const int p : orders)
+    for (std::size_t t = 0; t < wanted.theta_deg.size(); ++t)
+      for (std::size_t f = 0; f < wanted.phi_deg.size(); ++f) {
+        const double theta = wanted.theta_deg[t] * degree, phi = wanted.phi_deg[f] * degree;
+        const Vector direction{
+            std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)};
+        const auto impacts_found = rays_towards(trace, light, grid, points, step, p, direction);
+        std::complex<double> S1 = 0, S2 = 0;
+        double most = 0;
+        bool grazes = false;
+        for (const auto& [u, v] : impacts_found) {
+          const TracedRay ray = trace.trace(light, std::array{u}, std::array{v}, p)[0][p];
+          const auto foci = reference::count_foci({surface, light.index.real(), u, v, p});
+          // Patches at the rim are incomplete.
+          if (foci.empty() || std::hypot(u, v) > 0.97) {
+            grazes = true;
+            break;
+          }
+          const auto phasor = std::complex<double>(0, -x) / std::sqrt(std::abs(jacobian(ray))) *
+                              std::polar(1.0, x * ray.path - foci[p].total * pi / 2);
+          S1 += phasor * ray.jones.S1;
+          S2 += phasor * ray.jones.S2;
+          most += std::abs(phasor) * std::max(std::abs(ray.jones.S1), std::abs(ray.jones.S2));
+          ++single_rays;
+        }
+        const std::size_t at = (p * wanted.theta_deg.size() + t) * wanted.phi_deg.size() + f;
+        const Amplitude &a = exact.order_amplitude[at], &b = rule.order_amplitude[at];
+        if (grazes || impacts_found.empty()) {
+          ++skipped;
+          if (!grazes) {
+            EXPECT_EQ(std::max(std::abs(a.S1), std::abs(a.S2)), 0)
+                << "order " << p << ", theta " << wanted.theta_deg[t] << ", phi " << wanted.phi_deg[f];
+          }
+          continue;
+        }
+        const auto error = [&](const Amplitude& of) {
+          return std::max(std::abs(of.S1 - S1), std::abs(of.S2 - S2)) / most;
+        };
+        const auto where = [&] {
+          return "order " + std::to_string(p) + ", theta " + std::to_string(wanted.theta_deg[t]) + ", phi " +
+                 std::to_string(wanted.phi_deg[f]) + ", rays " + std::to_string(impacts_found.size());
+        };
+        off.see(error(a), where);
+        if (error(b) > 0.3) ++misled;
+      }
+  std::printf(
+      "%ld directions and orders of %d rays, %d skipped: exact off by %.3g, rule misled %d times\n",
+      off.count, single_rays, skipped, off.value, misled);
+  expect_below(off, 0.1, "amplitudes");
+  EXPECT_GT(off.count, 100);
+  EXPECT_GT(misled, 10) << "nothing would tell the rule";
+}
+
+/// What the rule counts for one ray: kernels/tile.cl has the same by cells.
+int by_rule(const TracedRay& ray, double u, double v, int p) {
+  const double towards_axis = -(ray.direction[0] * u + ray.direction[1] * v);
+  const bool grows = towards_axis * -(u * ray.direction_u[2] + v * ray.direction_v[2]) > 0;
+  return ray.axis_crossings + p - 1 + (grows ? 1 : 0);
+}
+
+TEST(RuleForFocalLines, HoldsForSpheresAndFailsWithDeformation) {
+  constexpr int last = 8;
+  const Points points = over_the_disc(20000, 1.15);
+  const auto share_miscounted = [&](const drop::Shape& shape, double sun) {
+    const auto rays = tracer(shape, sun).trace(with_index(1.333), points.u, points.v, last);
+    std::array<double, last + 1> miscounted{}, all{};
+    for (std::size_t k = 0; k < rays.size(); ++k)
+      for (int p = 0; p <= last; ++p)
+        if (const TracedRay& ray = rays[k][p]; ray.valid) {
+          const Amplitude& j = ray.jones;
+          const double energy = std::norm(j.S1) + std::norm(j.S2) + std::norm(j.S3) + std::norm(j.S4);
+          all[p] += energy;
+          if ((ray.foci - by_rule(ray, points.u[k], points.v[k], p)) % 4 != 0) miscounted[p] += energy;
+        }
+    std::printf("%-14s %.1f mm, sun %2.0f:", shape.name.c_str(), shape.radius_m * 1e3, sun);
+    for (int p = 0; p <= last; ++p) std::printf(" %5.2f", 100 * (miscounted[p] /= all[p]));
+    std::printf(" %%\n");
+    return miscounted;
+  };
+  for (const double share : share_miscounted(drop::cosine_series(0.5e-3, {0, 0, 1e-15}), 20))
+    EXPECT_LT(share, 1e-3);
+  for (const double share : share_miscounted(drop::beard_chuang(0.5e-3), 20)) EXPECT_LT(share, 0.01);
+  EXPECT_GT(share_miscounted(drop::beard_chuang(1e-3), 20)[3], 0.002);
+  EXPECT_GT(share_miscounted(drop::beard_chuang(2e-3), 20)[3], 0.02);
+  for (const double sun : {0.0, 40.0, 90.0}) share_miscounted(drop::beard_chuang(1e-3), sun);
+  share_miscounted(drop::spheroid(0.5e-3, 0.95), 20);
+  share_miscounted(drop::chuang_beard(2.5e-3), 20);
+}
+
 } // namespace
