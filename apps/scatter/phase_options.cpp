@@ -53,10 +53,11 @@ phase::Method method(const std::string& text) {
 }
 
 phase::Diffraction diffraction(const std::string& text) {
-  if (text == "integral")
-    throw InputError("\"integral\" is not available in this version; choose gaussian or none");
-  return choose<phase::Diffraction>(
-      text, {{"gaussian", phase::Diffraction::gaussian}, {"none", phase::Diffraction::none}});
+  using phase::Diffraction;
+  return choose<Diffraction>(
+      text, {{"gaussian", Diffraction::gaussian},
+             {"integral", Diffraction::integral},
+             {"none", Diffraction::none}});
 }
 
 phase::FocalLines focal_lines(const std::string& text) {
@@ -118,7 +119,7 @@ void PhaseOptions::add_to(CLI::App& verb) {
   add("--rays", rays_, "N", "Rays across the drop: a grid of N x N is traced" + standard(rays_));
   add("--orders", orders_, "ORDERS",
       "Orders p: 0 external reflection, 1 transmission, p - 1 internal reflections" + standard(orders_));
-  add("--diffraction", diffraction_, "NAME", "gaussian or none" + standard(diffraction_));
+  add("--diffraction", diffraction_, "NAME", "gaussian, integral or none" + standard(diffraction_));
   add("--focal-lines", focal_lines_, "NAME",
       "exact, rule (as on a sphere) or none: how phase jumps at focal lines are counted" +
           standard(focal_lines_));

@@ -10,7 +10,7 @@
 namespace scatter::phase {
 
 enum class Method { automatic, patches, mie };
-enum class Diffraction { none, gaussian };
+enum class Diffraction { none, gaussian, integral };
 using wavefront::FocalLines;
 /// How a direction finds the patches that hold it: raster (uniform grids), tree (Embree; any list), or
 /// whichever fits.

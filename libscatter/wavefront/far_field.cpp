@@ -4,6 +4,7 @@
 #include <scatter/wavefront/direction_tree.hpp>
 #include <scatter/wavefront/edge_filter.hpp>
 #include <scatter/wavefront/far_field.hpp>
+#include <scatter/wavefront/kirchhoff.hpp>
 #include <scatter/wavefront/layout.hpp>
 #include <scatter/wavefront/order_energy.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
@@ -16,6 +17,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 namespace scatter::wavefront {
 
@@ -43,6 +45,7 @@ struct Candidate {
 struct Tracer::Implementation : RayProgram {
   std::vector<Tile> tiles;
   cl::Buffer tile_buffer;
+  bool blended = false; ///< with the diffraction integral; as the last far_field() was asked
 
   Implementation(const Tracing& request, const compute::Device& on) : RayProgram(request, on) {
     const GridPart part = axisymmetric            ? GridPart::centre_line
@@ -64,7 +67,9 @@ struct Tracer::Implementation : RayProgram {
   cl::Program& program(const Light& light) {
     const std::string_view sources[] = {
         embedded::kernel_mueller, embedded::kernel_tile, embedded::kernel_far_field};
-    return build(light, sources, curvature(), tracing.interference ? "" : " -DINTENSITIES");
+    return build(
+        light, sources, curvature(),
+        std::string(tracing.interference ? "" : " -DINTENSITIES") + (blended ? " -DBLENDED" : ""));
   }
 
   /// A wavelength on its way.
@@ -73,6 +78,9 @@ struct Tracer::Implementation : RayProgram {
     cl::Buffer job_data, energy;
     std::vector<cl::Buffer> sums, scratch; ///< per slice
     bool clean = false;                    ///< all sums are zero
+    std::optional<CoarseRays> coarse;      ///< with the diffraction integral
+    std::vector<IntegralShare> shares;     ///< of the integral, per order
+    cl::Buffer kept;                       ///< of patches: 1 less that
   };
 
   /// Directions of a block of columns on the device.
@@ -191,10 +199,13 @@ struct Tracer::Implementation : RayProgram {
     }
     const auto rastering = [&](std::size_t w, int slice, int first, int end) {
       Pass& pass = passes[w];
-      return with_arguments(
-          cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer, first,
-          end, wanted, block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi, pass.scratch[slice],
-          pass.sums[slice], pass.energy);
+      const auto kernel = [&](const auto&... further) {
+        return with_arguments(
+            cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer, first,
+            end, wanted, block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi, pass.scratch[slice],
+            pass.sums[slice], pass.energy, further...);
+      };
+      return blended ? kernel(pass.kept) : kernel();
     };
     // No tiles first: the driver compiles a kernel for its shape at the first launch, which must not happen
     // on several queues at once.
@@ -276,10 +287,12 @@ struct Tracer::Implementation : RayProgram {
           cl::NullRange, cl::NDRange(workers), cl::NDRange(1));
       std::vector<double> out(candidates.size() * accumulator());
       cl().download(out_data, std::span<double>(out));
-      for (std::size_t i = 0; i < candidates.size(); ++i)
+      for (std::size_t i = 0; i < candidates.size(); ++i) {
+        const auto [order, at, mirror, unused] = candidates[i];
+        const double kept = blended && !pass.shares[order].empty() ? 1 - pass.shares[order][at] : 1;
         for (int e = 0; e < accumulator(); ++e)
-          sums[static_cast<std::size_t>(candidates[i].direction) * accumulator() + e] +=
-              out[i * accumulator() + e];
+          sums[static_cast<std::size_t>(at) * accumulator() + e] += kept * out[i * accumulator() + e];
+      }
     };
     for (int column = 0; column < columns; ++column) {
       const double phi = layout.phi_deg[block.first + column], cp = cos_deg(phi), sp = sin_deg(phi);
@@ -418,7 +431,38 @@ struct Tracer::Implementation : RayProgram {
     }
   }
 
+  /// What the diffraction integral takes over of each order.
+  void share_out(
+      const Run& run, const Light& light, const Block& block, const std::vector<int>& order_wanted,
+      Pass& pass) {
+    if (!pass.coarse) pass.coarse.emplace(*this, light, last_order());
+    const std::size_t size = static_cast<std::size_t>(run.rows()) * block.count();
+    std::vector<float> kept(size * (last_order() + 1), 1.0F);
+    pass.shares.assign(last_order() + 1, {});
+    for (int p = 0; p <= last_order(); ++p) {
+      if (order_wanted[p] == 0) continue;
+      pass.shares[p] = integral_share(*pass.coarse, light, tracing.shape.radius_m, p, run.layout, block, {});
+      for (std::size_t i = 0; i < pass.shares[p].size(); ++i) kept[p * size + i] -= pass.shares[p][i];
+    }
+    pass.kept = cl().upload(kept);
+  }
+
   void trace_orders(
+      Run& run, std::span<const Light> batch, const Block& block, const std::vector<int>& order_wanted) {
+    if (blended)
+      for (std::size_t w = 0; w < batch.size(); ++w)
+        share_out(run, batch[w], block, order_wanted, run.passes[w]);
+    trace_patches(run, batch, block, order_wanted);
+    if (!blended) return;
+    const DirectionBuffers directions{block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi};
+    for (std::size_t w = 0; w < batch.size(); ++w)
+      for (int p = 0; p <= last_order(); ++p)
+        add_integral(
+            *this, *run.passes[w].coarse, batch[w], p, run.passes[w].shares[p], run.layout, block, directions,
+            run.passes[w].sums[0]);
+  }
+
+  void trace_patches(
       Run& run, std::span<const Light> batch, const Block& block, const std::vector<int>& order_wanted) {
     if (run.layout.raster)
       raster(batch, run.layout, block, run.cut, order_wanted, run.passes);
@@ -450,7 +494,7 @@ struct Tracer::Implementation : RayProgram {
     pass.clean = block.count() == run.cut.columns;
     cl::Buffer table = run.table;
     std::vector<BowCrossing> crossings;
-    if (wanted.filter_sigma_deg > 0 || wanted.sun_disc_deg > 0) {
+    if (!blended && (wanted.filter_sigma_deg > 0 || wanted.sun_disc_deg > 0)) {
       crossings = bow_crossings(*this, light, run.layout, block);
       const double between_rays = 2 * surface.largest_radius / tracing.rays;
       const auto corrections =
@@ -494,6 +538,9 @@ struct Tracer::Implementation : RayProgram {
       const std::function<void(std::size_t, FarField&)>& done) {
     if (!tracing.interference && (wanted.amplitudes || wanted.per_order))
       throw InputError("--amplitudes and --per-order need interference: drop --no-interference");
+    if (wanted.integral && !(tracing.interference && tracing.focal_lines == FocalLines::exact))
+      throw InputError("--diffraction integral needs interference and --focal-lines exact");
+    blended = wanted.integral;
     Run run{wanted, make_layout(wanted, tracing, axisymmetric, last_order())};
     run.cut = cut(lights.size(), run.layout, wanted.matrix);
     run.row_of = cl().upload(run.layout.row_of);
@@ -509,6 +556,7 @@ struct Tracer::Implementation : RayProgram {
     for (std::size_t start = 0; start < lights.size(); start += run.cut.at_once) {
       const std::span<const Light> batch =
           lights.subspan(start, std::min<std::size_t>(run.cut.at_once, lights.size() - start));
+      for (Pass& pass : run.passes) pass.coarse.reset();
       for (int first = 0; first < run.columns(); first += run.cut.columns) {
         const Block block = make_block(run.layout, first, std::min(first + run.cut.columns, run.columns()));
         if (wanted.per_order)

@@ -586,6 +586,18 @@ double tile_energy(constant const job_t* job, tile_t tile, global const double* 
 #define PREFETCH_ROWS
 #endif
 
+// With BLENDED, patches keep but a share of an order at each direction, kept[order][column][row]; the diffraction
+// integral has the rest.
+#ifdef BLENDED
+#define KEPT(column, row) * kept[(size_t)(column) * job->rows + (row)]
+#define KEPT_ARGUMENT , global const float* kept_shares
+#define KEPT_OF_ORDER(p) (kept_shares + (size_t)(p) * job->columns * job->rows)
+#else
+#define KEPT(column, row)
+#define KEPT_ARGUMENT
+#define KEPT_OF_ORDER(p) 0
+#endif
+
 // Rows row0..row1 of one column that a cell may hold.
 typedef struct {
   int cell, column, row0, row1, mirror;
@@ -596,7 +608,8 @@ typedef struct {
 // last row: a zero vector lies in no patch.
 FORCE_INLINE void lay_span(constant const job_t* job, span_t span, const double* patches, global const double* scratch,
                      int cells_at, global const double* sin_theta, global const double* cos_theta,
-                     global const double* cos_phi, global const double* sin_phi, global double* sums) {
+                     global const double* cos_phi, global const double* sin_phi, global const float* kept,
+                     global double* sums) {
   const double* patch = patches + span.cell;
   const int at = cells_at + span.cell;
   double phase[4];
@@ -621,7 +634,7 @@ FORCE_INLINE void lay_span(constant const job_t* job, span_t span, const double*
         if (!held[lane]) continue;
         const double cos_theta_here = cos_theta[row + lane];
         const double8 j = hit_amplitude(&jones, w[0][lane], w[1][lane], w[2][lane], w[3][lane], sine[lane], cosine[lane],
-                                        cos_theta_here, c, s, span.mirror);
+                                        cos_theta_here, c, s, span.mirror) KEPT(span.column, row + lane);
         accumulate(column_sums + (size_t)(row + lane) * ACCUMULATOR, j, c, span.mirror * s, cos_theta_here < 0.0);
       }
     }
@@ -633,7 +646,7 @@ kernel void raster_tiles(
     constant double* surface, constant job_t* job, global const tile_t* tiles, int first, int last,
     global const int* wanted, global const double* sin_theta, global const double* cos_theta,
     global const double* cos_phi, global const double* sin_phi, global double* scratch, global double* sums,
-    global double* energy) {
+    global double* energy KEPT_ARGUMENT) {
   double patches[PATCH_FIELDS * TILE];
   span_t spans[SPANS];
   for (int t = first; t < last; ++t) {
@@ -647,7 +660,8 @@ kernel void raster_tiles(
         int count = 0;
 #define LAY_SPANS                                                                                                \
   for (int n = 0; n < count; ++n)                                                                                \
-    lay_span(job, spans[n], patches, scratch, cells_at, sin_theta, cos_theta, cos_phi, sin_phi, sums);           \
+    lay_span(job, spans[n], patches, scratch, cells_at, sin_theta, cos_theta, cos_phi, sin_phi, KEPT_OF_ORDER(p), \
+             sums);                                                                                             \
   count = 0;
         for (int i = 0; i < tile.cells_i; i += 8) {
           const cell_bounds b = bound_cells(job, scratch, cells_at + i);
