@@ -19,6 +19,8 @@ std::vector<Case> cases() {
   for (const double sun : {0.0, 20.0, 90.0}) {
     const std::string at = "_sun_" + std::to_string(static_cast<int>(sun));
     all.push_back({"spheroid_0_85" + at, drop::spheroid(0.5e-3, 0.85), sun});
+    // Near the hyperbolic umbilic of the primary (Dean & Marston 1991).
+    all.push_back({"spheroid_0_76" + at, drop::spheroid(0.5e-3, 0.763), sun});
     all.push_back({"beard_chuang_1mm" + at, drop::beard_chuang(1e-3), sun});
     all.push_back({"chuang_beard_3mm" + at, drop::chuang_beard(3e-3), sun});
   }
@@ -516,6 +518,52 @@ TEST(RuleForFocalLines, HoldsForSpheresAndFailsWithDeformation) {
   for (const double sun : {0.0, 40.0, 90.0}) share_miscounted(drop::beard_chuang(1e-3), sun);
   share_miscounted(drop::spheroid(0.5e-3, 0.95), 20);
   share_miscounted(drop::chuang_beard(2.5e-3), 20);
+}
+
+/// Patches take the number of their corners; where these agree, a triangle that turns the other way has met a
+/// caustic between its corners.
+TEST(ExactFocalLines, FitTheTurnOfNearlyAllTriangles) {
+  constexpr int last = 5, across = 400;
+  const drop::Shape shape = drop::beard_chuang(1e-3);
+  Tracer trace = tracer(shape, 20);
+  constexpr double step = 2.2 / across;
+  Points points;
+  for (int j = 0; j < across; ++j)
+    for (int i = 0; i < across; ++i) {
+      points.u.push_back((i + 0.5) * step - 1.1);
+      points.v.push_back((j + 0.5) * step - 1.1);
+    }
+  const auto rays = trace.trace(with_index(1.333), points.u, points.v, last);
+  for (int p = 0; p <= last; ++p) {
+    long agree = 0, differ = 0, misfit = 0;
+    for (int j = 0; j + 1 < across; ++j)
+      for (int i = 0; i + 1 < across; ++i) {
+        const int at = j * across + i;
+        const std::array corners{
+            &rays[at][p], &rays[at + 1][p], &rays[at + across + 1][p], &rays[at + across][p]};
+        if (!std::all_of(corners.begin(), corners.end(), [](const TracedRay* ray) { return ray->valid; }))
+          continue;
+        if (!std::all_of(corners.begin(), corners.end(), [&](const TracedRay* ray) {
+              return ray->foci == corners[0]->foci;
+            })) {
+          ++differ;
+          continue;
+        }
+        ++agree;
+        const auto turn = [&](int b, int c) {
+          const Vector from = corners[0]->direction;
+          return dot(from, cross(corners[b]->direction - from, corners[c]->direction - from));
+        };
+        const bool odd = (corners[0]->foci + (p == 0 ? 1 : p - 1)) % 2 != 0;
+        if ((turn(1, 2) < 0) != odd || (turn(2, 3) < 0) != odd) ++misfit;
+      }
+    std::printf(
+        "order %d: corners of %ld cells agree, of %ld differ; %ld turn the other way\n", p, agree, differ,
+        misfit);
+    EXPECT_GT(agree, 50'000);
+    EXPECT_LT(differ, agree / 20);
+    EXPECT_LT(misfit, agree / 500);
+  }
 }
 
 } // namespace
