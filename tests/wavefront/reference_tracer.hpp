@@ -123,6 +123,7 @@ struct Ray {
   bool valid = false; ///< false beyond total reflection
   vec direction{};
   real path = 0;
+  vec point{}, inwards{}; ///< where it left, and where the rest goes on inside
   complex S1, S2, S3, S4;
 };
 
@@ -191,6 +192,8 @@ inline std::vector<Ray> trace(const Surface& surface, real n, real u, real v, in
   Split split = at_interface(in, surface.normal(p), 1, n);
   rays.push_back(outgoing(split.reflected, p, p.z));
   Wave inside = *split.refracted;
+  rays.back().point = p;
+  rays.back().inwards = inside.d;
   real path = p.z;
   for (int order = 1; order <= last; ++order) {
     const real middle = surface.deepest(p, inside.d, 0, 4), t = surface.meet(p, inside.d, middle, 4);
@@ -199,6 +202,8 @@ inline std::vector<Ray> trace(const Surface& surface, real n, real u, real v, in
     split = at_interface(inside, -1 * surface.normal(p), n, 1);
     rays.push_back(split.refracted ? outgoing(*split.refracted, p, path) : Ray{});
     inside = split.reflected;
+    rays.back().point = p;
+    rays.back().inwards = inside.d;
   }
   return rays;
 }
