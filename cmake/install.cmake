@@ -21,6 +21,7 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 set(package_of_OpenCL::OpenCL OpenCL)
 set(package_of_OpenCL::HeadersCpp "OpenCLHeadersCpp")
 set(package_of_embree "embree 3")
+set(package_of_FFTW3::fftw3 FFTW3)
 set(package_of_OpenEXR::OpenEXR OpenEXR)
 set(package_of_Imath::Imath Imath)
 set(package_of_netCDF::netcdf netCDF)
@@ -45,4 +46,5 @@ configure_package_config_file(cmake/scatter-config.cmake.in ${PROJECT_BINARY_DIR
                               INSTALL_DESTINATION ${package_folder})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/scatter-config-version.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/scatter-config.cmake ${PROJECT_BINARY_DIR}/scatter-config-version.cmake
+              cmake/FindFFTW3.cmake
         DESTINATION ${package_folder})

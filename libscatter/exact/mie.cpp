@@ -156,15 +156,13 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
   // Qabs follows the squared width of a resonance: twice the coefficient's error, and once more for the width
   // itself.
   result.error_estimate = 8 * epsilon + (m.imag() > 0 ? 4 : 1) * c.relative_error;
-  // The sum's roundings walk at random, the coefficients' may all go one way.
-  const double rounding = sum_rounding(c.waves.count()) + c.relative_error;
   for (std::size_t i = 0; i < angles.size(); ++i) {
     const double first = std::norm(result.S1[i]), second = std::norm(result.S2[i]);
     result.phase_function.push_back((first + second) / (2 * std::numbers::pi * x * x * c.Qsca));
     // A grid's angle stands for its decimal; the estimate holds for the double as given, too.
     const double turn = std::abs(angles[i].theta_rest) * (std::numbers::pi / 180) * x;
-    const double error = (rounding + turn) * std::sqrt(sums.largest_partial[i] / std::max(first, second));
-    result.error_estimate = std::max(result.error_estimate, error);
+    const double error = sums.rounding[i] + (c.relative_error + turn) * std::sqrt(sums.largest_partial[i]);
+    result.error_estimate = std::max(result.error_estimate, error / std::sqrt(std::max(first, second)));
   }
   return result;
 }
