@@ -326,7 +326,8 @@ FourierSplit cheapest_split(
   const auto N = static_cast<double>(steps), x = static_cast<double>(count);
   // Closer to the axis the direct sum rounds less.
   const double nearest = 2 / std::sqrt(x);
-  FourierSplit best;
+  FourierSplit best; // serves no angle, as befits a handful of partial waves
+  best.smallest_sine = 2;
   best.cost = std::numeric_limits<double>::infinity();
   const auto consider = [&](std::size_t low_orders, std::size_t terms) {
     FourierSplit split{steps, low_orders, terms, nearest, 0};
