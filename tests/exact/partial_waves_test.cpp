@@ -151,6 +151,8 @@ TEST(SumByFourier, AgreesWithThirtyDigits) {
                                              << " terms, " << degrees.size() << " angles, " << degrees[i];
           if (error > 0) worst = std::max(worst, error / sums.rounding[i]);
         }
+        // Of few angles, all may be exact by chance, or left to the direct sum.
+        if (degrees.size() < 100) continue;
         EXPECT_GT(worst, 1e-2) << "an estimate that says too much says nothing: " << static_cast<int>(kind)
                                << ", " << count << ", " << degrees.size();
         if (std::getenv("SCATTER_PRINT_ERRORS"))
