@@ -50,12 +50,14 @@ namespace {
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
 constexpr std::size_t series_count = 4; ///< real and imaginary parts of S1 and S2
 
-// Costs [ns] on a core with AVX-512 at 2.6 GHz; only their ratios matter.
-constexpr double cost_of_product = 0.13; ///< one (n, l) of the low orders, all four series
-constexpr double cost_of_fft = 0.2;      ///< times N log2 N, one series
-constexpr double cost_of_fold = 0.7;     ///< one coefficient of one term
-constexpr double cost_of_angle = 1.5;    ///< one angle of one term
-constexpr double cost_of_start = 1e5;    ///< plan and tables
+// Costs [ns] as measured on a core with AVX-512 at 2.6 GHz; their ratios matter.
+constexpr double cost_of_product = 0.5; ///< one (n, l) of the low orders, all four series
+constexpr double cost_of_fft = 0.2;     ///< times N log2 N, one series
+constexpr double cost_of_fold = 0.5;    ///< one coefficient of one term
+constexpr double cost_of_place = 1.4;   ///< one of N, of one term
+constexpr double cost_of_order = 50;    ///< Legendre series and memory, four series
+constexpr double cost_of_angle = 40;    ///< tables and estimates
+constexpr double cost_of_start = 1e5;
 
 using Lanes = double __attribute__((vector_size(64)));
 /// The same in memory, at any alignment.
@@ -234,21 +236,30 @@ Turns turns_of(std::size_t steps, std::size_t first, std::size_t last) {
   return turns;
 }
 
-/// t_n = s_n C_n for n = first + i, C_n by the series of the quotient of Gamma functions in 1 / v, v = n +
-/// 3/4: to 1e-16 for n >= 64. A rounded table of C_n would not do: the rounding of a smooth function swings
-/// evenly with n over long stretches, which at some angles adds up to more than random roundings do.
+/// C_n = leading (1 + rest) for n = first + i, by the series of the quotient of Gamma functions in 1 / v, v =
+/// n
+/// + 3/4: to 1e-16 for n >= 64. C_n rounded would not do: the rounding of a smooth function swings evenly
+/// with n over long stretches, which at some angles adds up to more than random roundings do.
 SCATTER_VECTOR_CLONES
-void multiply_by_leading(const double* s, double* t, std::size_t first, std::size_t count) {
+void leading_factors(std::size_t first, std::size_t count, double* leading, double* rest) {
   constexpr double square = 1.2732395447351628, square_rest = -7.871470670072994e-17; // 4 / pi
   const double root = std::sqrt(square);
   for (std::size_t i = 0; i < count; ++i) {
     const double v = static_cast<double>(first + i) + 0.75, w = 1 / (v * v);
     const double exponent = w * (-1.0 / 64 + w * (5.0 / 2048 - w * (61.0 / 49152)));
-    const double leading = root / std::sqrt(v); // 2 / sqrt(pi v), less `missing` of itself
-    const double squared = leading * leading, squared_rest = std::fma(leading, leading, -squared);
+    leading[i] = root / std::sqrt(v); // 2 / sqrt(pi v), less `missing` of itself
+    const double squared = leading[i] * leading[i], squared_rest = std::fma(leading[i], leading[i], -squared);
     const double missing = (std::fma(-squared, v, square) + (square_rest - squared_rest * v)) / (2 * square);
-    const double product = s[i] * leading;
-    t[i] = std::fma(product, missing + exponent * (1 + exponent / 2), product);
+    rest[i] = missing + exponent * (1 + exponent / 2);
+  }
+}
+
+/// t_n = s_n C_n.
+SCATTER_VECTOR_CLONES
+void multiply(const double* s, const double* leading, const double* rest, std::size_t count, double* t) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const double product = s[i] * leading[i];
+    t[i] = product + product * rest[i];
   }
 }
 
@@ -334,10 +345,11 @@ FourierSplit cheapest_split(
     if (terms > 0) split.smallest_sine = std::max(nearest, sine_for(count, low_orders, terms));
     if (split.smallest_sine >= 1) return;
     const auto n_0 = static_cast<double>(low_orders), transforms = static_cast<double>(terms + 1);
-    const double one = cost_of_product * n_0 * n_0 / 4 +
-                       series_count * (transforms * (cost_of_fft * N * std::log2(N) + cost_of_angle * N / 2) +
+    const double one = cost_of_product * n_0 * n_0 / 4 + cost_of_order * x +
+                       series_count * (transforms * N * (cost_of_fft * std::log2(N) + cost_of_place) +
                                        cost_of_fold * static_cast<double>(terms) * (x - n_0));
-    split.cost = cost_of_start + static_cast<double>(sets) * one + direct_below(split.smallest_sine);
+    split.cost = cost_of_start + static_cast<double>(sets) * one + cost_of_angle * N / 2 +
+                 direct_below(split.smallest_sine);
     if (split.cost < best.cost) best = split;
   };
   consider(count + 1, 0);
@@ -394,10 +406,12 @@ std::vector<FourierSums> fourier_sums(
       }
   });
 
-  // High orders' factors 1 / (n + 1/2), from n = low on.
+  // High orders' factors from n = low on: C_n and 1 / (n + 1/2).
   const std::size_t high = split.terms > 0 ? orders - low : 0;
-  std::vector<double> inverse(high > 0 ? high + split.terms + 1 : 0);
+  std::vector<double> leading(high), rest(high), inverse(high > 0 ? high + split.terms + 1 : 0);
   for (std::size_t i = 0; i < inverse.size(); ++i) inverse[i] = 1 / (static_cast<double>(low + i) + 0.5);
+
+  leading_factors(low, high, leading.data(), rest.data());
 
   std::vector<std::array<RealSums, series_count>> sums(sets.size());
   in_parallel(series_count * sets.size(), cost, threads, [&](std::size_t item) {
@@ -424,7 +438,7 @@ std::vector<FourierSums> fourier_sums(
     if (high == 0) return;
 
     std::vector<double> t(high), re(angles), im(angles), power(angles, 1.0);
-    multiply_by_leading(legendre[set].s[c].data() + low, t.data(), low, high);
+    multiply(legendre[set].s[c].data() + low, leading.data(), rest.data(), high, t.data());
     for (std::size_t k = 0; k < split.terms; ++k) {
       clear();
       const double next = static_cast<double>(k) + 1;

@@ -498,7 +498,7 @@ std::optional<CircleGrid> circle_grid(std::span<const Angle> angles) {
   std::int64_t unit = right_angle;
   for (const Angle& angle : angles) {
     if (angle.place < 0) return {};
-    unit = std::gcd(unit, angle.place);
+    if (angle.place % unit != 0) unit = std::gcd(unit, angle.place);
   }
   if (angles.empty() || 4 * right_angle / unit > most_steps) return {};
   CircleGrid grid;

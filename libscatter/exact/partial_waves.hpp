@@ -14,6 +14,8 @@ namespace scatter::exact {
 /// One set of coefficients.
 class PartialWaves {
 public:
+  /// Makes room for that many n.
+  void reserve(std::size_t count) { weights_.reserve(4 * count); }
   /// Appends the next n: plus and minus are (2n+1)/(n(n+1)) (a_n +- b_n) / 2.
   void add(std::complex<double> plus, std::complex<double> minus) {
     weights_.insert(weights_.end(), {plus.real(), plus.imag(), minus.real(), minus.imag()});
