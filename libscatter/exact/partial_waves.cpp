@@ -1,5 +1,5 @@
 // Angles beyond 90 deg are mirrored, and an angle is summed together with its mirror image. See
-// partial_wave_kernel.hpp for the sums themselves; here they are prepared and shared out.
+// partial_wave_kernel.hpp and fourier_sum.cpp for the sums themselves; here they are prepared and shared out.
 
 #include <scatter/exact/fourier_sum.hpp>
 #include <scatter/exact/partial_wave_kernel.hpp>
