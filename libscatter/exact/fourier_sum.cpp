@@ -337,9 +337,8 @@ double sine_for(std::size_t count, std::size_t low_orders, std::size_t terms) {
 
 } // namespace
 
-FourierSplit cheapest_split(
-    std::size_t count, std::size_t sets, std::size_t steps,
-    const std::function<double(double)>& direct_below) {
+FourierSplit
+cheapest_split(std::size_t count, std::size_t steps, const std::function<double(double)>& direct_below) {
   const auto N = static_cast<double>(steps), x = static_cast<double>(count);
   // Closer to the axis the direct sum rounds less.
   const double nearest = 2 / std::sqrt(x);
@@ -351,11 +350,10 @@ FourierSplit cheapest_split(
     if (terms > 0) split.smallest_sine = std::max(nearest, sine_for(count, low_orders, terms));
     if (split.smallest_sine >= 1) return;
     const auto n_0 = static_cast<double>(low_orders), transforms = static_cast<double>(terms + 1);
-    const double one = cost_of_product * n_0 * n_0 / 4 + cost_of_order * x +
-                       series_count * (transforms * N * (cost_of_fft * std::log2(N) + cost_of_place) +
-                                       cost_of_fold * static_cast<double>(terms) * (x - n_0));
-    split.cost = cost_of_start + static_cast<double>(sets) * one + cost_of_angle * N / 2 +
-                 direct_below(split.smallest_sine);
+    const double sums = cost_of_product * n_0 * n_0 / 4 + cost_of_order * x +
+                        series_count * (transforms * N * (cost_of_fft * std::log2(N) + cost_of_place) +
+                                        cost_of_fold * static_cast<double>(terms) * (x - n_0));
+    split.cost = cost_of_start + sums + cost_of_angle * N / 2 + direct_below(split.smallest_sine);
     if (split.cost < best.cost) best = split;
   };
   consider(count + 1, 0);
@@ -371,7 +369,7 @@ std::vector<FourierSums> fourier_sums(
   const std::size_t low = std::min(split.low_orders, orders);
   const auto transform = transform_of(steps);
   const Turns turns = turns_of(steps, first, last);
-  const double cost = split.cost;
+  const double cost = split.cost * static_cast<double>(sets.size());
 
   std::vector<LegendreSeries> legendre(sets.size());
   in_parallel(

@@ -21,12 +21,11 @@ struct FourierSplit {
   double cost = 0;            ///< [ns], on the machine where the model was measured
 };
 
-/// The cheapest split for `sets` sets of `count` partial waves, by a model of the costs: it does not depend
-/// on the machine, nor on measured times. direct_below(s): cost [ns] of the direct sum over all sets for
-/// those angles that have a sine below s; the split's cost includes it.
-[[nodiscard]] FourierSplit cheapest_split(
-    std::size_t count, std::size_t sets, std::size_t steps,
-    const std::function<double(double)>& direct_below);
+/// The cheapest split for `count` partial waves, by a model of the costs: it does not depend on the machine,
+/// nor on measured times. direct_below(s): cost [ns] of the direct sum for those angles that have a sine
+/// below s; the split's cost includes it.
+[[nodiscard]] FourierSplit
+cheapest_split(std::size_t count, std::size_t steps, const std::function<double(double)>& direct_below);
 
 /// Amplitudes of one set, one per angle.
 struct FourierSums {

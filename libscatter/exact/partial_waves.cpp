@@ -507,7 +507,7 @@ std::optional<CircleGrid> circle_grid(std::span<const Angle> angles) {
   return grid;
 }
 
-/// Cost [ns] of the direct sum over all sets for angles with a sine below a limit, by the same measure as
+/// Cost [ns] of the direct sum of one set for angles with a sine below a limit, by the same measure as
 /// FourierSplit's.
 class DirectCost {
 public:
@@ -536,7 +536,6 @@ std::vector<AngleSums> sum_by_fourier(
     std::span<const PartialWaves> sets, std::span<const Angle> angles, const CircleGrid& grid,
     const FourierSplit& split, int threads, const VectorUnit& unit) {
   auto sums = empty_sums(sets.size(), angles.size());
-  // A place next to the limit may be on either side of it; the poles never are.
   std::vector<bool> directly(angles.size());
   std::size_t first = grid.steps, last = 0;
   for (std::size_t i = 0; i < angles.size(); ++i) {
@@ -545,13 +544,16 @@ std::vector<AngleSums> sum_by_fourier(
     first = std::min(first, grid.places[i]);
     last = std::max(last, grid.places[i]);
   }
+  // Sets do not disturb each other: one that is better off directly at an angle leaves the others as they
+  // are.
+  std::vector<std::vector<bool>> directly_of(sets.size(), directly);
   if (first <= last) {
     const auto found = fourier_sums(sets, split, first, last, threads);
     const double rounding = sum_rounding(sets[0].count());
     for (std::size_t set = 0; set < sets.size(); ++set) {
       const double size = size_of_coefficients(sets[set]);
       for (std::size_t i = 0; i < angles.size(); ++i) {
-        if (directly[i]) continue;
+        if (directly_of[set][i]) continue;
         const std::size_t place = grid.places[i] - first;
         AngleSums& sum = sums[set];
         sum.S1[i] = found[set].S1[place];
@@ -559,7 +561,8 @@ std::vector<AngleSums> sum_by_fourier(
         sum.rounding[i] = found[set].rounding[place];
         sum.largest_partial[i] =
             std::norm(sum.S1[i]) + std::norm(sum.S2[i]) + typical_partial(size, sine_of(angles[i]));
-        if (!(sum.rounding[i] <= rounding * std::sqrt(sum.largest_partial[i]))) directly[i] = true;
+        if (!(sum.rounding[i] <= rounding * std::sqrt(sum.largest_partial[i])))
+          directly[i] = directly_of[set][i] = true;
       }
     }
   }
@@ -573,6 +576,7 @@ std::vector<AngleSums> sum_by_fourier(
   const auto found = sum_directly(sets, rest, threads, unit);
   for (std::size_t set = 0; set < sets.size(); ++set)
     for (std::size_t i = 0; i < rest.size(); ++i) {
+      if (!directly_of[set][index[i]]) continue;
       sums[set].S1[index[i]] = found[set].S1[i];
       sums[set].S2[index[i]] = found[set].S2[i];
       sums[set].largest_partial[index[i]] = found[set].largest_partial[i];
@@ -588,14 +592,14 @@ std::vector<AngleSums> sum_partial_waves(
     SumMethod method) {
   const bool asked = method == SumMethod::fourier;
   if (method != SumMethod::direct && !sets.empty()) {
+    // By the costs of one set: what others there are changes no bits.
     const std::size_t count = sets[0].count();
-    const double terms = static_cast<double>(count) * static_cast<double>(sets.size());
     constexpr double worth_a_look = 3e6; // terms: half a millisecond
-    const bool look = asked || terms * static_cast<double>(angles.size()) > worth_a_look;
+    const bool look = asked || static_cast<double>(count) * static_cast<double>(angles.size()) > worth_a_look;
     if (const auto grid = look ? circle_grid(angles) : std::nullopt) {
-      const DirectCost direct(angles, terms);
+      const DirectCost direct(angles, static_cast<double>(count));
       const FourierSplit split =
-          cheapest_split(count, sets.size(), grid->steps, [&](double sine) { return direct.below(sine); });
+          cheapest_split(count, grid->steps, [&](double sine) { return direct.below(sine); });
       if (asked || split.cost < 0.67 * direct.all())
         return sum_by_fourier(sets, angles, *grid, split, threads, unit);
     } else if (asked) {
