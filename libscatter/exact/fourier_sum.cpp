@@ -17,8 +17,10 @@
 //   P_n = C_n sum_{k<M} h_{k,n} cos((n + k + 1/2) theta - (k + 1/2) pi/2) / (2 sin theta)^(k + 1/2) + R,
 //   C_n = 2 / sqrt(pi) Gamma(n+1) / Gamma(n+3/2),  h_{k,n} = prod_{j<=k} (j - 1/2)^2 / (j (n + j + 1/2)),
 //   |R| < 2 C_n h_{M,n} / (2 sin theta)^(M + 1/2):
-// one transform per term and real series. The root of the sine is divided out here by itself, and with it the
-// forward peak: the coefficients' root mean square is about x / 2.
+// one transform per term and real series. The root of the sine is divided out here by itself. What is left of
+// the forward peak would leak, by roundings in the transform's last stages, to angles that are simple parts
+// of the circle, which shows where S is smallest, with m next to 1. So the transform takes the differences of
+// neighbouring coefficients, which have no such peak, and its result is divided by 1 - exp(-i theta).
 //
 // Angles with n_0 sin theta too small for M terms are left to the direct sum.
 //
@@ -208,9 +210,9 @@ void sine_coefficients(
     for (std::size_t r = 0; r < rows; ++r) std::memcpy(out[c] + r * lanes, &sums[c][r], sizeof(Lanes));
 }
 
-/// cos and sin of theta / 2 - pi / 4, and 1 / (2 sin theta), for theta = 2 pi j / steps.
+/// 1 / (2 sin theta) and 1 / (2 sin(theta / 2)) for theta = 2 pi j / steps.
 struct Turns {
-  std::vector<double> cosine, sine, inverse;
+  std::vector<double> inverse, inverse_half;
 };
 
 Turns turns_of(std::size_t steps, std::size_t first, std::size_t last) {
@@ -235,9 +237,8 @@ Turns turns_of(std::size_t steps, std::size_t first, std::size_t last) {
     const Pair &a = coarse_table[folded / fine], &b = fine_table[folded % fine];
     Pair half{a.sine * b.cosine + a.cosine * b.sine, a.cosine * b.cosine - a.sine * b.sine};
     if (folded != j) std::swap(half.sine, half.cosine);
-    turns.cosine.push_back((half.cosine + half.sine) / std::numbers::sqrt2);
-    turns.sine.push_back((half.sine - half.cosine) / std::numbers::sqrt2);
     turns.inverse.push_back(1 / (4 * half.sine * half.cosine));
+    turns.inverse_half.push_back(1 / (2 * half.sine));
   }
   return turns;
 }
@@ -300,6 +301,13 @@ void add_term(
   }
 }
 
+/// Each number of a ring less the one before it.
+SCATTER_VECTOR_CLONES
+void differences(const double* ring, std::size_t size, double* out) {
+  out[0] = ring[0] - ring[size - 1];
+  for (std::size_t l = 1; l < size; ++l) out[l] = ring[l] - ring[l - 1];
+}
+
 double sum_of_squares(const double* values, std::size_t count) {
   double parts[8] = {};
   std::size_t i = 0;
@@ -314,8 +322,9 @@ struct RealSums {
   std::vector<double> value;
   double low_square = 0; ///< sum of squares of the sine series' coefficients
   struct Term {
-    double square = 0; ///< sum of squares of the coefficients
-    double peak = 0;   ///< modulus of the transform where it is largest: at a pole
+    double square = 0;            ///< sum of squares of the coefficients
+    double difference_square = 0; ///< of their differences
+    double peak = 0;              ///< modulus of the differences' transform at 180 deg
   };
   std::vector<Term> high;
   double neglected = 0; ///< sum of moduli of the first neglected term's coefficients
@@ -441,28 +450,36 @@ std::vector<FourierSums> fourier_sums(
     for (std::size_t j = 0; j < angles; ++j) sum.value[j] = -2 * turns.inverse[j] * memory.out[first + j][1];
     if (high == 0) return;
 
-    std::vector<double> t(high), re(angles), im(angles), power(angles, 1.0);
+    std::vector<double> t(high), re(angles), im(angles), power(angles, 1.0), ring(steps);
     multiply(legendre[set].s[c].data() + low, leading.data(), rest.data(), high, t.data());
     for (std::size_t k = 0; k < split.terms; ++k) {
-      clear();
+      std::fill(ring.begin(), ring.end(), 0.0);
       const double next = static_cast<double>(k) + 1;
       fold(
-          memory.in, steps, (low + k) % steps, t.data(), high, inverse.data() + k + 1,
+          ring.data(), steps, (low + k) % steps, t.data(), high, inverse.data() + k + 1,
           (next - 0.5) * (next - 0.5) / next);
-      const double square = sum_of_squares(memory.in, steps);
+      differences(ring.data(), steps, memory.in);
+      RealSums::Term term;
+      term.square = sum_of_squares(ring.data(), steps);
+      term.difference_square = sum_of_squares(memory.in, steps);
       transform->run(memory);
-      sum.high.push_back({square, std::max(std::abs(memory.out[0][0]), std::abs(memory.out[steps / 2][0]))});
+      term.peak = std::abs(memory.out[steps / 2][0]);
+      sum.high.push_back(term);
       add_term(re.data(), im.data(), power.data(), turns.inverse.data(), memory.out + first, angles, k % 4);
     }
     for (const double value : t) sum.neglected += std::abs(value);
+    // exp(-i (theta / 2 - pi / 4)) / (1 - exp(-i theta)) = exp(-i pi / 4) / (2 sin(theta / 2)).
     for (std::size_t j = 0; j < angles; ++j)
-      sum.value[j] += std::sqrt(turns.inverse[j]) * (turns.cosine[j] * re[j] + turns.sine[j] * im[j]);
+      sum.value[j] += std::sqrt(turns.inverse[j] / 2) * turns.inverse_half[j] * (re[j] + im[j]);
   });
 
-  // The transform's rounding walks at random through log2(steps) stages; coefficients bring their own. A last
-  // stage leaks part of one rounding of the forward peak to angles that are simple parts of the circle. The
-  // factors hold with room to spare for everything that was compared with 32 digits.
-  const double walk = (4 + std::log2(static_cast<double>(steps))) * epsilon, leak = 0.5 * epsilon;
+  // The transform's rounding walks at random through log2(steps) stages; coefficients bring their own, and
+  // that of adding them up where the ring goes round several times. A last stage leaks part of one rounding
+  // of a backward peak to angles that are simple parts of the circle. The factors hold with room to spare for
+  // everything that was compared with 32 digits.
+  const double rounds = static_cast<double>(high) / static_cast<double>(steps);
+  const double walk = (4 + std::log2(static_cast<double>(steps))) * epsilon,
+               own = (4 + std::sqrt(rounds)) * epsilon, leak = 0.5 * epsilon;
   std::vector<FourierSums> results(sets.size());
   for (std::size_t set = 0; set < sets.size(); ++set) {
     FourierSums& result = results[set];
@@ -475,19 +492,23 @@ std::vector<FourierSums> fourier_sums(
     std::vector<double> high_rounding;
     for (std::size_t k = 0; k < parts[0].high.size(); ++k)
       high_rounding.push_back(
-          walk * larger([k](const RealSums& part) { return part.high[k].square; }) +
+          own * larger([k](const RealSums& part) { return part.high[k].square; }) +
+          walk * larger([k](const RealSums& part) { return part.high[k].difference_square; }) +
           leak * larger([k](const RealSums& part) { return part.high[k].peak * part.high[k].peak; }));
-    high_rounding.push_back(2 * larger([](const RealSums& part) { return part.neglected * part.neglected; }));
+    const double neglected = 2 * larger([](const RealSums& part) { return part.neglected * part.neglected; });
     result.S1.resize(angles);
     result.S2.resize(angles);
     result.rounding.resize(angles);
     for (std::size_t j = 0; j < angles; ++j) {
       result.S1[j] = {parts[0].value[j], parts[1].value[j]};
       result.S2[j] = {parts[2].value[j], parts[3].value[j]};
-      double rounding = 0;
-      for (std::size_t k = high_rounding.size(); k-- > 0;)
-        rounding = rounding * turns.inverse[j] + high_rounding[k];
-      result.rounding[j] = rounding * std::sqrt(turns.inverse[j]) + 2 * turns.inverse[j] * low_rounding;
+      const double turn = turns.inverse[j];
+      double rounding = 0, power = std::sqrt(turn);
+      for (const double term : high_rounding) {
+        rounding += term * power;
+        power *= turn;
+      }
+      result.rounding[j] = rounding * turns.inverse_half[j] + neglected * power + 2 * turn * low_rounding;
     }
   }
   return results;
