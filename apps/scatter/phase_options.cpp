@@ -53,16 +53,17 @@ phase::Method method(const std::string& text) {
 }
 
 phase::Diffraction diffraction(const std::string& text) {
-  if (text == "integral")
-    throw InputError("\"integral\" is not available in this version; choose gaussian or none");
-  return choose<phase::Diffraction>(
-      text, {{"gaussian", phase::Diffraction::gaussian}, {"none", phase::Diffraction::none}});
+  using phase::Diffraction;
+  return choose<Diffraction>(
+      text, {{"gaussian", Diffraction::gaussian},
+             {"integral", Diffraction::integral},
+             {"none", Diffraction::none}});
 }
 
 phase::FocalLines focal_lines(const std::string& text) {
-  if (text == "exact") throw InputError("\"exact\" is not available in this version; choose rule or none");
-  return choose<phase::FocalLines>(
-      text, {{"rule", phase::FocalLines::rule}, {"none", phase::FocalLines::none}});
+  using phase::FocalLines;
+  return choose<FocalLines>(
+      text, {{"exact", FocalLines::exact}, {"rule", FocalLines::rule}, {"none", FocalLines::none}});
 }
 
 phase::Search search(const std::string& text) {
@@ -118,9 +119,10 @@ void PhaseOptions::add_to(CLI::App& verb) {
   add("--rays", rays_, "N", "Rays across the drop: a grid of N x N is traced" + standard(rays_));
   add("--orders", orders_, "ORDERS",
       "Orders p: 0 external reflection, 1 transmission, p - 1 internal reflections" + standard(orders_));
-  add("--diffraction", diffraction_, "NAME", "gaussian or none" + standard(diffraction_));
+  add("--diffraction", diffraction_, "NAME", "gaussian, integral or none" + standard(diffraction_));
   add("--focal-lines", focal_lines_, "NAME",
-      "rule or none: phase jumps at focal lines" + standard(focal_lines_));
+      "exact, rule (as on a sphere) or none: how phase jumps at focal lines are counted" +
+          standard(focal_lines_));
   add_flag("--no-interference", no_interference_, "Add intensities of patches, not amplitudes");
   add_flag("--no-dispersion", no_dispersion_, "Use the index at 589.3nm for every wavelength");
   add_flag("--no-absorption", no_absorption_, "Drop the imaginary part of the index");

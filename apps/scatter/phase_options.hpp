@@ -32,7 +32,7 @@ public:
 
 private:
   std::string shape_ = "beard-chuang", index_ = "iapws", method_ = "auto", diffraction_ = "gaussian";
-  std::string focal_lines_ = "rule", search_ = "auto", compression_ = "none", precision_ = "double";
+  std::string focal_lines_ = "exact", search_ = "auto", compression_ = "none", precision_ = "double";
   std::string sun_ = "0deg", theta_ = "0:180:1deg", orders_ = "0..3", rays_ = "1000", threads_ = "0",
               output_ = "-";
   std::optional<std::string> radius_, axis_ratio_, wavelengths_, phi_, sun_disc_, tolerance_;

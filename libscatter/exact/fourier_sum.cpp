@@ -38,6 +38,7 @@
 
 #include <scatter/exact/fourier_sum.hpp>
 #include <scatter/exact/vector_clones.hpp>
+#include <scatter/optics/fftw_planner.hpp>
 
 #include <fftw3.h>
 
@@ -79,12 +80,16 @@ class Transform {
 public:
   explicit Transform(std::size_t size) : size_(size) {
     const Memory memory(size);
+    const std::lock_guard lock(fftw_planner());
     // No measuring: the same plan, and so the same bits, every time.
     plan_ = fftw_plan_dft_r2c_1d(
         static_cast<int>(size), memory.in, memory.out, FFTW_ESTIMATE | FFTW_DESTROY_INPUT);
     if (!plan_) throw std::bad_alloc();
   }
-  ~Transform() { fftw_destroy_plan(plan_); }
+  ~Transform() {
+    const std::lock_guard lock(fftw_planner());
+    fftw_destroy_plan(plan_);
+  }
   Transform(const Transform&) = delete;
   Transform& operator=(const Transform&) = delete;
 
@@ -114,8 +119,9 @@ private:
   fftw_plan plan_ = nullptr;
 };
 
-/// Plans take longer to make than to run, and FFTW makes one at a time: the last few lengths are kept.
+/// Plans take longer to make than to run: the last few lengths are kept.
 std::shared_ptr<const Transform> transform_of(std::size_t size) {
+  (void)fftw_planner(); // made before, and so destroyed after, what locks it
   static std::mutex mutex;
   static std::map<std::size_t, std::shared_ptr<const Transform>> kept;
   const std::lock_guard lock(mutex);

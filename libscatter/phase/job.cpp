@@ -70,8 +70,32 @@ std::string timestamp() {
   return text;
 }
 
+const char* diffraction_name(Diffraction diffraction) {
+  switch (diffraction) {
+  case Diffraction::gaussian:
+    return "gaussian";
+  case Diffraction::integral:
+    return "integral";
+  case Diffraction::none:
+    break;
+  }
+  return "none";
+}
+
 std::string join(const std::vector<int>& values) {
   return fmt::format("{}", fmt::join(values, ","));
+}
+
+std::string focal_lines_name(FocalLines focal_lines) {
+  switch (focal_lines) {
+  case FocalLines::exact:
+    return "exact";
+  case FocalLines::rule:
+    return "by rule";
+  case FocalLines::none:
+    break;
+  }
+  return "not counted";
 }
 
 table::TableHeader make_header(const Request& request, Method method) {
@@ -106,8 +130,7 @@ table::TableHeader make_header(const Request& request, Method method) {
   header.orders = request.orders;
   made.method = fmt::format(
       "patches: {0} x {0} rays, orders {1}, diffraction {2}, focal lines {3}{4}", request.rays,
-      join(request.orders), request.diffraction == Diffraction::gaussian ? "gaussian" : "none",
-      request.focal_lines == FocalLines::rule ? "by rule" : "not counted",
+      join(request.orders), diffraction_name(request.diffraction), focal_lines_name(request.focal_lines),
       request.interference ? "" : ", no interference");
   note("rays", std::to_string(request.rays));
   note("orders", join(request.orders));

@@ -26,6 +26,7 @@ wavefront::Wanted wanted_of(const Request& request) {
   wanted.per_order = request.per_order;
   if (request.diffraction == Diffraction::gaussian)
     wanted.filter_sigma_deg = gaussian_filter_width_deg(request.shape.radius_m);
+  wanted.integral = request.diffraction == Diffraction::integral;
   wanted.sun_disc_deg = request.sun_disc_deg;
   return wanted;
 }

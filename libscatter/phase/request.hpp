@@ -10,7 +10,7 @@
 namespace scatter::phase {
 
 enum class Method { automatic, patches, mie };
-enum class Diffraction { none, gaussian };
+enum class Diffraction { none, gaussian, integral };
 using wavefront::FocalLines;
 /// How a direction finds the patches that hold it: raster (uniform grids), tree (Embree; any list), or
 /// whichever fits.
@@ -29,7 +29,7 @@ struct Request {
   std::vector<int> orders{0, 1, 2, 3}; ///< p, sorted
   Method method = Method::automatic;   ///< automatic: Mie for a sphere, patches otherwise
   Diffraction diffraction = Diffraction::gaussian;
-  FocalLines focal_lines = FocalLines::rule;
+  FocalLines focal_lines = FocalLines::exact;
   Search search = Search::automatic;
   bool interference = true; ///< false: intensities of patches add (figure 3.12, "dispersion")
   bool dispersion = true;   ///< false: the index at 589.3 nm serves every wavelength

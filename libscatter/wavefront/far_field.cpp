@@ -1,145 +1,75 @@
-#include <scatter/compute/opencl.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
-#include <scatter/wavefront/bow_edge.hpp>
+#include <scatter/wavefront/bow_curves.hpp>
 #include <scatter/wavefront/direction_tree.hpp>
+#include <scatter/wavefront/edge_filter.hpp>
 #include <scatter/wavefront/far_field.hpp>
+#include <scatter/wavefront/kirchhoff.hpp>
 #include <scatter/wavefront/layout.hpp>
+#include <scatter/wavefront/order_energy.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
+#include <scatter/wavefront/ray_program.hpp>
 
-#include <embedded/kernel_double_double.hpp>
 #include <embedded/kernel_far_field.hpp>
 #include <embedded/kernel_mueller.hpp>
-#include <embedded/kernel_surface.hpp>
 #include <embedded/kernel_tile.hpp>
-#include <embedded/kernel_trace.hpp>
-#include <embedded/kernel_vector.hpp>
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
+#include <optional>
 
 namespace scatter::wavefront {
 
 namespace {
 
 using compute::guarded;
-using compute::OpenCL;
 using compute::with_arguments;
 
 constexpr int ray_lanes = 16;
 constexpr int tile_padded = ((tile_cells + 1) * (tile_cells + 1) + ray_lanes - 1) / ray_lanes * ray_lanes;
-constexpr std::size_t scratch_doubles = (27 + 7 + 8 + 8) * static_cast<std::size_t>(tile_padded);
-constexpr int traced_fields = 14;
+/// SCRATCH_DOUBLES in kernels/tile.cl.
+constexpr std::size_t scratch_doubles(bool curvature) {
+  return ((curvature ? 40 + 8 : 27 + 7) + 8 + 8) * static_cast<std::size_t>(tile_padded);
+}
 /// Sums of one pass are kept below this, so that every machine cuts the work alike.
 constexpr double most_bytes_of_slices = 2e9, small_slices = 1e8;
 constexpr double most_bytes_unfolded = 5e8;
 
-/// Layout of job_t in kernels/tile.cl.
-struct Job {
-  double n, k, wave, attenuation, origin, step;
-  double row_origin = 0, rows_per_radian = 1, column_origin = 0, columns_per_radian = 1;
-  double row_margin = 1e-6, column_margin = 1e-6;
-  int rays, last_order, rows = 0, columns = 0, focal_lines, interior_steps, rim_steps, unused = 0;
-};
-static_assert(sizeof(Job) == 128);
-
 struct Candidate {
   int order, direction, mirror, unused;
 };
-/// Layout of edge_t in kernels/far_field.cl.
-struct Edge {
-  double theta, sigma;
-  int weights, reach;
-};
-/// Layout of end_correction_t in kernels/far_field.cl.
-struct EndCorrection {
-  std::array<double, 8> amplitude;
-  double mass, step, place, turn;
-  int first, side, skip, replaced;
-};
-static_assert(sizeof(EndCorrection) == 112);
-
-/// Weights of a symmetric kernel at 0, 1, .., reach: with both sides they add up to 1.
-template <typename Kernel>
-std::vector<double> symmetric_weights(int reach, Kernel&& kernel) {
-  std::vector<double> weights;
-  for (int k = 0; k <= reach; ++k) weights.push_back(kernel(k));
-  const double sum = 2 * std::accumulate(weights.begin(), weights.end(), 0.0) - weights[0];
-  for (double& weight : weights) weight /= sum;
-  return weights;
-}
 
 } // namespace
 
-struct Tracer::Implementation {
-  Tracing tracing;
-  compute::Device device;
-  SurfaceParameters surface;
-  bool axisymmetric = false;
-  double area = 0; ///< of the shadow, units of a^2
+struct Tracer::Implementation : RayProgram {
   std::vector<Tile> tiles;
-  cl::Program coherent, incoherent;
-  cl::Buffer surface_buffer, tile_buffer;
-  std::string build_options;
+  cl::Buffer tile_buffer;
+  bool blended = false; ///< with the diffraction integral; as the last far_field() was asked
 
-  Implementation(const Tracing& request, const compute::Device& on) : tracing(request), device(on) {
-    if (tracing.rays < 2 || tracing.rays > 20000)
-      throw InputError("--rays " + std::to_string(tracing.rays) + ": the grid needs 2 to 20000 rays across");
-    if (tracing.orders.empty() || tracing.orders.front() < 0)
-      throw InputError("--orders: at least one order p >= 0 is needed, e.g. 0..3");
-    surface = surface_parameters(tracing.shape, tracing.sun_elevation_deg);
-    axisymmetric = tracing.shape.is_sphere() || std::abs(tracing.sun_elevation_deg - 90) < 1e-9;
-    area = wavefront::shadow_area(tracing.shape, tracing.sun_elevation_deg);
+  Implementation(const Tracing& request, const compute::Device& on) : RayProgram(request, on) {
     const GridPart part = axisymmetric            ? GridPart::centre_line
                           : tracing.rays % 2 == 0 ? GridPart::half
                                                   : GridPart::whole;
     tiles = make_tiles(tracing.rays, surface.largest_radius, surface.smallest_radius, part);
-    build_options = "-cl-std=CL1.2 -DTILE=" + std::to_string(tile_cells);
-    if (tracing.shape.kind == drop::Shape::Kind::spheroid)
-      build_options += " -DSURFACE_SPHEROID";
-    else
-      build_options += " -DSURFACE_DEGREE=" + std::to_string(tracing.shape.polynomial().size() - 1);
-    guarded([&] {
-      surface_buffer = cl().upload(surface.values);
-      tile_buffer = cl().upload(tiles);
-    });
+    guarded([&] { tile_buffer = cl().upload(tiles); });
   }
 
-  [[nodiscard]] OpenCL& cl() const { return device.opencl(); }
-  [[nodiscard]] int last_order() const { return tracing.orders.back(); }
   [[nodiscard]] int accumulator() const { return tracing.interference ? 8 : 16; }
 
-  /// The kernels for this light; ABSORBING and INTENSITIES are compiled in.
-  cl::Program& program(const Light& light) {
-    using namespace embedded;
-    std::string options = build_options;
-    if (light.index.imag() > 0) options += " -DABSORBING";
-    if (!tracing.interference) options += " -DINTENSITIES";
-    const std::string_view sources[] = {kernel_vector,  kernel_double_double, kernel_surface,  kernel_trace,
-                                        kernel_mueller, kernel_tile,          kernel_far_field};
-    return cl().program(sources, options);
+  /// Whether every ray counts its focal lines.
+  [[nodiscard]] bool curvature() const {
+    return tracing.interference && tracing.focal_lines == FocalLines::exact;
   }
+  [[nodiscard]] std::size_t scratch_size() const { return scratch_doubles(curvature()); }
 
-  [[nodiscard]] Job make_job(const Light& light, int rays, int order) const {
-    Job job{};
-    job.n = light.index.real();
-    job.k = light.index.imag();
-    job.wave = 2 * tracing.shape.radius_m / light.wavelength_m;
-    job.attenuation = pi * job.wave * job.k;
-    job.step = 2 * surface.largest_radius / rays;
-    job.origin = -surface.largest_radius + 0.5 * job.step;
-    job.rays = rays;
-    job.last_order = order;
-    job.focal_lines = tracing.focal_lines == FocalLines::rule;
-    // Newton's steps from the hull: more than the interior needs, where they end early.
-    job.interior_steps = surface.hull_margin < 1e-9 ? 3 : surface.hull_margin < 0.02 ? 5 : 7;
-    job.rim_steps = 24;
-    return job;
-  }
-  static cl::Buffer job_buffer(OpenCL& opencl, const Job& job) {
-    return opencl.upload(std::span<const Job>(&job, 1));
+  /// The kernels for this light; ABSORBING, CURVATURE and INTENSITIES are compiled in.
+  cl::Program& program(const Light& light) {
+    const std::string_view sources[] = {
+        embedded::kernel_mueller, embedded::kernel_tile, embedded::kernel_far_field};
+    return build(
+        light, sources, curvature(),
+        std::string(tracing.interference ? "" : " -DINTENSITIES") + (blended ? " -DBLENDED" : ""));
   }
 
   /// A wavelength on its way.
@@ -148,11 +78,13 @@ struct Tracer::Implementation {
     cl::Buffer job_data, energy;
     std::vector<cl::Buffer> sums, scratch; ///< per slice
     bool clean = false;                    ///< all sums are zero
+    std::optional<CoarseRays> coarse;      ///< with the diffraction integral
+    std::vector<IntegralShare> shares;     ///< of the integral, per order
+    cl::Buffer kept;                       ///< of patches: 1 less that
   };
 
   /// Directions of a block of columns on the device.
-  struct Block {
-    int first = 0, end = 0;
+  struct Block : Columns {
     cl::Buffer sin_theta, cos_theta, cos_phi, sin_phi;
   };
 
@@ -198,7 +130,7 @@ struct Tracer::Implementation {
     const double columns =
         static_cast<double>(layout.theta_deg.size()) * c.columns * (wanted.matrix ? 16.0 : 8.0) * 2;
     const double scratch =
-        static_cast<double>(scratch_doubles) * std::max(c.at_once * c.slices, 1) * sizeof(double);
+        static_cast<double>(scratch_size()) * std::max(c.at_once * c.slices, 1) * sizeof(double);
     return c.at_once * c.slices * c.bytes_per_slice + scratch +
            sizeof(double) * (values * elements + columns) + most_bytes_unfolded + 2e8;
   }
@@ -230,7 +162,7 @@ struct Tracer::Implementation {
   void raster(
       std::span<const Light> lights, const Layout& layout, const Block& block, const Cut& c,
       const std::vector<int>& order_wanted, std::vector<Pass>& passes) {
-    const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.end - block.first;
+    const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.count();
     const cl::Buffer wanted = cl().upload(order_wanted);
     for (std::size_t w = 0; w < lights.size(); ++w) {
       Pass& pass = passes[w];
@@ -246,7 +178,7 @@ struct Tracer::Implementation {
       // The quick angles are good to 2e-8 rad, the even grid to 1e-6 of its step.
       job.row_margin = 1e-7 * job.rows_per_radian + 3e-6;
       job.column_margin = 1e-7 * job.columns_per_radian + 3e-6;
-      pass.job_data = job_buffer(cl(), job);
+      pass.job_data = job_buffer(job);
       pass.energy = cl().allocate<double>(tiles.size() * (last_order() + 1));
       pass.sums.resize(c.slices);
       pass.scratch.resize(c.slices);
@@ -254,7 +186,7 @@ struct Tracer::Implementation {
       for (int s = 0; s < c.slices; ++s) {
         if (pass.sums[s]() == nullptr) {
           pass.sums[s] = cl().allocate<double>(static_cast<std::size_t>(rows) * c.columns * accumulator());
-          pass.scratch[s] = cl().allocate<double>(scratch_doubles);
+          pass.scratch[s] = cl().allocate<double>(scratch_size());
         }
         if (!pass.clean || s > 0)
           cl().queue.enqueueNDRangeKernel(
@@ -267,10 +199,13 @@ struct Tracer::Implementation {
     }
     const auto rastering = [&](std::size_t w, int slice, int first, int end) {
       Pass& pass = passes[w];
-      return with_arguments(
-          cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer, first,
-          end, wanted, block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi, pass.scratch[slice],
-          pass.sums[slice], pass.energy);
+      const auto kernel = [&](const auto&... further) {
+        return with_arguments(
+            cl::Kernel(program(lights[w]), "raster_tiles"), surface_buffer, pass.job_data, tile_buffer, first,
+            end, wanted, block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi, pass.scratch[slice],
+            pass.sums[slice], pass.energy, further...);
+      };
+      return blended ? kernel(pass.kept) : kernel();
     };
     // No tiles first: the driver compiles a kernel for its shape at the first launch, which must not happen
     // on several queues at once.
@@ -301,14 +236,14 @@ struct Tracer::Implementation {
   void search(
       const Light& light, const Layout& layout, const Block& block, const std::vector<int>& order_wanted,
       Pass& pass) {
-    const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.end - block.first;
+    const int rows = static_cast<int>(layout.theta_deg.size()), columns = block.count();
     const int orders = last_order() + 1;
     const unsigned workers = device.info().compute_units;
     pass.job = make_job(light, tracing.rays, last_order());
     pass.job.row_margin = pass.job.column_margin = 1e-7;
-    pass.job_data = job_buffer(cl(), pass.job);
+    pass.job_data = job_buffer(pass.job);
     pass.energy = cl().allocate<double>(tiles.size() * orders);
-    pass.scratch = {cl().allocate<double>(scratch_doubles * workers)};
+    pass.scratch = {cl().allocate<double>(scratch_size() * workers)};
     const cl::Buffer boxes_data = cl().allocate<double>(tiles.size() * orders * 6);
     cl().queue.enqueueNDRangeKernel(
         with_arguments(
@@ -352,10 +287,12 @@ struct Tracer::Implementation {
           cl::NullRange, cl::NDRange(workers), cl::NDRange(1));
       std::vector<double> out(candidates.size() * accumulator());
       cl().download(out_data, std::span<double>(out));
-      for (std::size_t i = 0; i < candidates.size(); ++i)
+      for (std::size_t i = 0; i < candidates.size(); ++i) {
+        const auto [order, at, mirror, unused] = candidates[i];
+        const double kept = blended && !pass.shares[order].empty() ? 1 - pass.shares[order][at] : 1;
         for (int e = 0; e < accumulator(); ++e)
-          sums[static_cast<std::size_t>(candidates[i].direction) * accumulator() + e] +=
-              out[i * accumulator() + e];
+          sums[static_cast<std::size_t>(at) * accumulator() + e] += kept * out[i * accumulator() + e];
+      }
     };
     for (int column = 0; column < columns; ++column) {
       const double phi = layout.phi_deg[block.first + column], cp = cos_deg(phi), sp = sin_deg(phi);
@@ -385,7 +322,7 @@ struct Tracer::Implementation {
     const int orders = last_order() + 1;
     std::vector<double> by_order(orders, 0.0);
     if (axisymmetric) {
-      by_order = energy_of_rings(light, last_order());
+      by_order = energy_of_rings(*this, light, last_order());
     } else {
       std::vector<double> energy(tiles.size() * orders);
       cl().download(pass.energy, std::span<double>(energy));
@@ -401,61 +338,12 @@ struct Tracer::Implementation {
     field.scattering_cross_section = shadow * (1 + scattered_share(light));
   }
 
-  /// Order energies in units of a^2 of an axisymmetric drop, from rays along one radius up to the rim:
-  /// Gauss-Legendre would not see the rim's square-root singularity, a midpoint rule in the angle of
-  /// incidence does.
-  std::vector<double> energy_by_quadrature(const Light& light, int last, double rim) {
-    constexpr int samples = 4096;
-    std::vector<double> u(samples), v(samples, 0.0), by_order(last + 1, 0.0);
-    for (int i = 0; i < samples; ++i) u[i] = rim * std::sin(0.5 * pi * (i + 0.5) / samples);
-    const auto rays = trace(light, u, v, last);
-    for (int i = 0; i < samples; ++i) {
-      const double angle = 0.5 * pi * (i + 0.5) / samples;
-      const double ring = 2 * pi * rim * rim * std::sin(angle) * std::cos(angle) * (0.5 * pi / samples);
-      for (int p = 0; p <= last; ++p)
-        if (const Amplitude& j = rays[i][p].jones; rays[i][p].valid)
-          by_order[p] += ring * 0.5 * (std::norm(j.S1) + std::norm(j.S2) + std::norm(j.S3) + std::norm(j.S4));
-    }
-    return by_order;
-  }
-  [[nodiscard]] double shadow_radius() const { return std::sqrt(area / pi); }
-  /// The same for the grid's own rays: every complete cell on the centre line stands for its ring.
-  std::vector<double> energy_of_rings(const Light& light, int last) {
-    const double step = 2 * surface.largest_radius / tracing.rays;
-    const double first = tracing.rays % 2 == 0 ? 0.5 * step : 0;
-    // Corners of the cells at or above the line, inner before outer, one side before the other.
-    const double sides[] = {first, tracing.rays % 2 == 0 ? first : step};
-    std::vector<double> u, v, by_order(last + 1, 0.0);
-    for (int i = 0; i < (tracing.rays + 1) / 2; ++i)
-      for (const double side : sides) {
-        u.push_back(first + i * step);
-        v.push_back(side);
-      }
-    const auto rays = trace(light, u, v, last);
-    const auto energy = [&](std::size_t ray, int p) {
-      const Amplitude& j = rays[ray][p].jones;
-      return 0.5 * (std::norm(j.S1) + std::norm(j.S2) + std::norm(j.S3) + std::norm(j.S4));
-    };
-    const auto complete = [&](std::size_t corner, int p) {
-      return rays[corner][p].valid && rays[corner + 1][p].valid;
-    };
-    for (int p = 0; p <= last; ++p) {
-      if (complete(0, p)) by_order[p] += pi * first * first * 0.5 * (energy(0, p) + energy(1, p));
-      for (std::size_t corner = 0; corner + 2 < u.size(); corner += 2)
-        if (complete(corner, p) && complete(corner + 2, p))
-          by_order[p] +=
-              pi * (u[corner + 2] - u[corner]) * (u[corner + 2] + u[corner]) * 0.25 *
-              (energy(corner, p) + energy(corner + 1, p) + energy(corner + 2, p) + energy(corner + 3, p));
-    }
-    return by_order;
-  }
-
   /// Scattered share of the energy that meets the drop, all orders: 1 without absorption.
   double scattered_share(const Light& light) {
     if (light.index.imag() == 0) return 1;
     constexpr int last = 40, coarse = 256;
     if (axisymmetric) {
-      const auto by_order = energy_by_quadrature(light, last, shadow_radius());
+      const auto by_order = energy_by_quadrature(*this, light, last, std::sqrt(area / pi));
       return std::accumulate(by_order.begin(), by_order.end(), 0.0) / area;
     }
     // Coarse tracing over all orders that matter; referred to what the same rays bring, so that the rim
@@ -464,9 +352,9 @@ struct Tracer::Implementation {
       const std::vector<Tile> coarse_tiles =
           make_tiles(coarse, surface.largest_radius, surface.smallest_radius, GridPart::half);
       const unsigned workers = device.info().compute_units;
-      const cl::Buffer job = job_buffer(cl(), make_job(of, coarse, last));
+      const cl::Buffer job = job_buffer(make_job(of, coarse, last));
       const cl::Buffer tile_data = cl().upload(coarse_tiles),
-                       scratch = cl().allocate<double>(scratch_doubles * workers);
+                       scratch = cl().allocate<double>(scratch_size() * workers);
       const cl::Buffer boxes = cl().allocate<double>(coarse_tiles.size() * (last + 1) * 6);
       const cl::Buffer energy_data = cl().allocate<double>(coarse_tiles.size() * (last + 1));
       cl().queue.enqueueNDRangeKernel(
@@ -485,288 +373,6 @@ struct Tracer::Implementation {
     Light transparent = light;
     transparent.index = light.index.real();
     return share(light) / share(transparent);
-  }
-
-  /// Single rays as the kernel gives them: fields of trace_rays() in kernels/tile.cl.
-  struct RawRays {
-    std::size_t count = 0;
-    std::vector<double> values;
-    [[nodiscard]] double field(int order, int f, std::size_t ray) const {
-      return values[(static_cast<std::size_t>(order) * traced_fields + f) * count + ray];
-    }
-  };
-
-  RawRays trace_raw(const Light& light, std::span<const double> u, std::span<const double> v, int last) {
-    const int count = static_cast<int>((u.size() + ray_lanes - 1) / ray_lanes * ray_lanes);
-    std::vector<double> padded_u(u.begin(), u.end()), padded_v(v.begin(), v.end());
-    padded_u.resize(count, 0.0);
-    padded_v.resize(count, 0.0);
-    const cl::Buffer job = job_buffer(cl(), make_job(light, tracing.rays, last));
-    const cl::Buffer u_data = cl().upload(padded_u), v_data = cl().upload(padded_v);
-    RawRays rays{static_cast<std::size_t>(count), {}};
-    rays.values.resize(static_cast<std::size_t>(last + 1) * traced_fields * count);
-    const cl::Buffer out = cl().allocate<double>(rays.values.size());
-    cl().queue.enqueueNDRangeKernel(
-        with_arguments(
-            cl::Kernel(program(light), "trace_rays"), surface_buffer, job, u_data, v_data, count, out),
-        cl::NullRange, cl::NDRange(device.info().compute_units), cl::NDRange(1));
-    cl().download(out, std::span<double>(rays.values));
-    return rays;
-  }
-
-  std::vector<std::vector<TracedRay>>
-  trace(const Light& light, std::span<const double> u, std::span<const double> v, int last) {
-    const RawRays raw = trace_raw(light, u, v, last);
-    std::vector<std::vector<TracedRay>> rays(u.size(), std::vector<TracedRay>(last + 1));
-    for (std::size_t i = 0; i < u.size(); ++i)
-      for (int p = 0; p <= last; ++p) {
-        const auto field = [&](int f) { return raw.field(p, f, i); };
-        TracedRay& ray = rays[i][p];
-        ray.valid = field(0) > 0.5;
-        ray.direction = {field(1), field(2), field(3)};
-        ray.path = field(4);
-        ray.axis_crossings = static_cast<int>(field(5));
-        const auto element = [&](int e) { return std::complex<double>(field(6 + e), field(10 + e)); };
-        const double h = field(3) < 0 ? -1 : 1, rho = std::hypot(field(1), field(2));
-        const double c = rho > 0 ? field(1) / rho : 1, s = rho > 0 ? field(2) / rho : 0;
-        const auto along_theta = [&](int x) { return h * c * element(x) + s * element(x + 1); };
-        const auto along_phi = [&](int x) { return h * c * element(x + 1) - s * element(x); };
-        ray.jones.S2 = c * along_theta(0) + s * along_theta(2);
-        ray.jones.S3 = s * along_theta(0) - c * along_theta(2);
-        ray.jones.S4 = -(c * along_phi(0) + s * along_phi(2));
-        ray.jones.S1 = -(s * along_phi(0) - c * along_phi(2));
-      }
-    return rays;
-  }
-
-  struct CurvePoint {
-    double theta_deg, phi_deg;
-    double u, v; ///< of the ray
-    int azimuth; ///< number of its radius of the ray plane
-  };
-  using Curve = std::vector<CurvePoint>;
-
-  /// Bow curves of the orders 0..last, all from one tracing.
-  std::vector<Curve> bow_curves(const Light& light, int last) {
-    constexpr int azimuth_step_deg = 2, samples = 1024;
-    const int azimuths = axisymmetric ? 1 : 180 / azimuth_step_deg + 1;
-    std::vector<double> u, v;
-    for (int a = 0; a < azimuths; ++a)
-      for (int i = 0; i < samples; ++i) {
-        const double b = surface.largest_radius * std::sin(0.5 * pi * (i + 0.5) / samples);
-        u.push_back(b * cos_deg(a * azimuth_step_deg));
-        v.push_back(b * sin_deg(a * azimuth_step_deg));
-      }
-    const RawRays rays = trace_raw(light, u, v, last);
-    std::vector<Curve> curves(last + 1);
-    for (int order = 0; order <= last; ++order)
-      for (int a = 0; a < azimuths; ++a) {
-        const double c = cos_deg(a * azimuth_step_deg), s = sin_deg(a * azimuth_step_deg);
-        // The deflection, counted positive towards the axis and followed continuously along the radius.
-        double before = 0, middle = 0, latest = 0;
-        int known = 0;
-        for (int i = 0; i < samples; ++i) {
-          const std::size_t ray = static_cast<std::size_t>(a) * samples + i;
-          if (rays.field(order, 0, ray) < 0.5) {
-            known = 0;
-            continue;
-          }
-          const double x = rays.field(order, 1, ray), y = rays.field(order, 2, ray),
-                       z = rays.field(order, 3, ray);
-          double deflection = std::atan2(std::copysign(std::hypot(x, y), -(x * c + y * s)), z);
-          if (known > 0) deflection = latest + std::remainder(deflection - latest, 2 * pi);
-          before = middle;
-          middle = latest;
-          latest = deflection;
-          if (++known < 3 || (middle - before) * (latest - middle) >= 0) continue;
-          // Vertex of the parabola through the three samples, which are even in the angle of incidence.
-          const double curvature = before - 2 * middle + latest, slope = 0.5 * (latest - before);
-          const double vertex = middle - 0.5 * slope * slope / curvature;
-          curves[order].push_back(
-              {std::abs(std::remainder(vertex, 2 * pi)) / radians_per_degree,
-               std::abs(std::atan2(rays.field(order, 2, ray - 1), rays.field(order, 1, ray - 1))) /
-                   radians_per_degree,
-               u[ray - 1], v[ray - 1], a});
-        }
-      }
-    return curves;
-  }
-
-  /// The point of the next azimuth that continues a curve from `point`: nearest along the radius, and of one
-  /// bow.
-  static const CurvePoint* continuation(const Curve& curve, const CurvePoint& point, int azimuth) {
-    const CurvePoint* next = nullptr;
-    double nearest = 0.1;
-    for (const CurvePoint& other : curve) {
-      if (other.azimuth != azimuth || std::abs(other.theta_deg - point.theta_deg) > 5 ||
-          std::abs(other.phi_deg - point.phi_deg) > 20)
-        continue;
-      const double apart = std::abs(std::hypot(other.u, other.v) - std::hypot(point.u, point.v));
-      if (apart < nearest) {
-        nearest = apart;
-        next = &other;
-      }
-    }
-    return next;
-  }
-
-  /// Where a bow's curve crosses a column of the block.
-  struct Crossing {
-    int column; ///< in the block
-    double theta_deg;
-    BowEdgeSeed seed;
-    BowEdge edge;
-  };
-  std::vector<Crossing> bow_crossings(const Light& light, const Layout& layout, const Block& block) {
-    std::vector<BowEdgeSeed> seeds;
-    std::vector<Crossing> crossings;
-    const auto add = [&](int column, double theta, const BowEdgeSeed& seed) {
-      crossings.push_back({column, theta, seed, {}});
-      seeds.push_back(seed);
-    };
-    const std::vector<Curve> curves = bow_curves(light, last_order());
-    for (const int order : tracing.orders) {
-      if (order < 2) continue;
-      const Curve& curve = curves[order];
-      if (axisymmetric) {
-        for (const CurvePoint& point : curve)
-          add(0, point.theta_deg, {point.u, point.v, point.phi_deg, order});
-        continue;
-      }
-      for (const CurvePoint& p : curve) {
-        const CurvePoint* next = continuation(curve, p, p.azimuth + 1);
-        if (next == nullptr || continuation(curve, *next, p.azimuth) != &p) continue;
-        const CurvePoint& q = *next;
-        const auto [low, high] = std::minmax(p.phi_deg, q.phi_deg);
-        const auto first = layout.phi_deg.begin() + block.first, end = layout.phi_deg.begin() + block.end;
-        for (auto phi = std::lower_bound(first, end, low); phi != end && *phi <= high; ++phi) {
-          const double f = q.phi_deg == p.phi_deg ? 0 : (*phi - p.phi_deg) / (q.phi_deg - p.phi_deg);
-          const auto between = [f](double from, double to) { return from + f * (to - from); };
-          add(static_cast<int>(phi - first), between(p.theta_deg, q.theta_deg),
-              {between(p.u, q.u), between(p.v, q.v), *phi, order});
-        }
-      }
-    }
-    const auto edges = find_bow_edges(
-        [&](std::span<const double> u, std::span<const double> v) {
-          return trace(light, u, v, last_order());
-        },
-        seeds);
-    for (std::size_t i = 0; i < edges.size(); ++i) crossings[i].edge = edges[i];
-    // Near the axis deflection may turn without any fold, for it is counted from a pole.
-    std::erase_if(crossings, [](const Crossing& c) { return c.edge.state == BowEdge::State::none; });
-    return crossings;
-  }
-
-  /// Some records per column, filled up with empty ones, on the device.
-  template <typename Record>
-  struct PerColumn {
-    cl::Buffer records;
-    int per_column = 1;
-  };
-  template <typename Record>
-  PerColumn<Record> upload_columns(std::vector<std::vector<Record>>& columns) {
-    std::size_t most = 1;
-    for (const auto& records : columns) most = std::max(most, records.size());
-    std::vector<Record> flat;
-    for (auto& records : columns) {
-      records.resize(most, Record{});
-      flat.insert(flat.end(), records.begin(), records.end());
-    }
-    return {cl().upload(flat), static_cast<int>(most)};
-  }
-
-  /// Windows of the Gaussian filter, one per crossing.
-  struct Edges {
-    PerColumn<Edge> edges;
-    cl::Buffer weights;
-  };
-  Edges make_edges(
-      std::span<const Crossing> crossings, const Layout& layout, const Block& block, const Wanted& wanted) {
-    std::vector<std::vector<Edge>> found(block.end - block.first);
-    std::vector<double> weights;
-    for (const int order : tracing.orders) {
-      if (order < 2) continue;
-      const double sigma = wanted.filter_sigma_deg * (order - 1);
-      const double step = layout.spacing_deg / sigma;
-      const int at = static_cast<int>(weights.size()), reach = static_cast<int>(4 / step);
-      const auto kernel =
-          symmetric_weights(reach, [&](int k) { return std::exp(-0.5 * k * step * k * step); });
-      weights.insert(weights.end(), kernel.begin(), kernel.end());
-      for (const Crossing& crossing : crossings)
-        if (crossing.seed.order == order)
-          found[crossing.column].push_back({crossing.theta_deg, sigma, at, reach});
-    }
-    return {upload_columns(found), cl().upload(weights)};
-  }
-
-  /// What rows miss of the energy next to an edge: intensity falls from it like x^(-1/2), and a sum over rows
-  /// depends on where they happen to fall. See "Smoothing across an edge" in papers/patches-method.md.
-  PerColumn<EndCorrection> make_end_corrections(
-      const Light& light, std::span<const Crossing> crossings, const Layout& layout, const Block& block,
-      const Wanted& wanted) {
-    const double h_deg = layout.spacing_deg, h = h_deg * radians_per_degree;
-    const double wave = 2 * tracing.shape.radius_m / light.wavelength_m;
-    const bool ruled = tracing.interference && tracing.focal_lines == FocalLines::rule;
-    const double between_rays = 2 * surface.largest_radius / tracing.rays;
-    const int rows = static_cast<int>(layout.theta_deg.size());
-    std::vector<std::vector<const Crossing*>> of_column(block.end - block.first);
-    for (const Crossing& crossing : crossings) {
-      if (crossing.edge.state != BowEdge::State::found) continue;
-      // Neighbouring segments of the curve may name one edge twice.
-      auto& others = of_column[crossing.column];
-      if (std::none_of(others.begin(), others.end(), [&](const Crossing* other) {
-            return other->seed.order == crossing.seed.order &&
-                   std::hypot(other->edge.u - crossing.edge.u, other->edge.v - crossing.edge.v) < 1e-3;
-          }))
-        others.push_back(&crossing);
-    }
-    std::vector<std::vector<EndCorrection>> corrections(of_column.size());
-    for (std::size_t column = 0; column < of_column.size(); ++column)
-      for (const Crossing* crossing : of_column[column]) {
-        const BowEdge& edge = crossing->edge;
-        // Next to the edge patches are too wide for the peak: there its law stands in for them, as long as
-        // the two sheets keep in step.
-        const double patch = 0.5 * edge.curvature * between_rays * between_rays;
-        const double turn = 4.0 / 3 * pi * wave * std::sqrt(2 / edge.curvature);
-        const double in_step = std::pow(0.5 / turn, 2.0 / 3);
-        const double replaced = std::max(std::min(6 * patch, in_step), ruled ? edge.focal_offset : 0);
-        if (replaced < 2 * patch || replaced > in_step) continue;
-        const int near = static_cast<int>(std::ceil(replaced / h));
-        // Rows that change must be smoothed entirely.
-        if (wanted.filter_sigma_deg > 0 &&
-            std::abs(edge.theta_deg - crossing->theta_deg) + (2 + near) * h_deg >
-                wanted.filter_sigma_deg * (crossing->seed.order - 1))
-          continue;
-        // Two edges of a curve that folds back share their peak; others spoil each other's rows.
-        if (std::any_of(of_column[column].begin(), of_column[column].end(), [&](const Crossing* other) {
-              const double apart = std::abs(other->edge.theta_deg - edge.theta_deg) / h_deg;
-              return other != crossing && apart < near + (other->seed.order == crossing->seed.order ? 8 : 4);
-            }))
-          continue;
-        for (int first = 0; first < rows; first = layout.segment_end[first]) {
-          const int end = layout.segment_end[first];
-          const double place = (edge.theta_deg - layout.theta_deg[first]) / h_deg;
-          if (!(place >= near + 6 && place <= end - first - near - 7)) continue;
-          EndCorrection c{};
-          c.side = edge.side;
-          c.first = first + static_cast<int>(edge.side > 0 ? std::ceil(place) : std::floor(place));
-          const double alpha = std::abs(c.first - first - place);
-          c.place = alpha;
-          c.step = h;
-          c.turn = ruled ? turn : 0;
-          c.skip = alpha < 0.25 ? 1 : 0;
-          c.replaced = std::max(0, static_cast<int>(std::ceil(replaced / h - alpha)));
-          c.mass = -hurwitz_zeta_half(alpha + c.skip) / std::sqrt(h);
-          const auto& [S1, S2, S3, S4] = edge.amplitude;
-          // Without the rule for focal lines both sheets leave the edge in phase.
-          const double factor = tracing.interference && !ruled ? std::numbers::sqrt2 : 1;
-          c.amplitude = {factor * S1.real(), factor * S1.imag(), factor * S2.real(), factor * S2.imag(),
-                         factor * S3.real(), factor * S3.imag(), factor * S4.real(), factor * S4.imag()};
-          corrections[column].push_back(c);
-        }
-      }
-    return upload_columns(corrections);
   }
 
   /// A buffer kept from one use to the next, so that its pages are touched once.
@@ -795,8 +401,8 @@ struct Tracer::Implementation {
   void
   over_columns(cl::Program& code, const char* kernel, const Block& block, const Arguments&... arguments) {
     cl().queue.enqueueNDRangeKernel(
-        with_arguments(cl::Kernel(code, kernel), arguments...), cl::NullRange,
-        cl::NDRange(block.end - block.first), cl::NDRange(1));
+        with_arguments(cl::Kernel(code, kernel), arguments...), cl::NullRange, cl::NDRange(block.count()),
+        cl::NDRange(1));
   }
 
   /// Device columns -> the wanted grid on the host; several blocks of columns fill one array.
@@ -825,7 +431,38 @@ struct Tracer::Implementation {
     }
   }
 
+  /// What the diffraction integral takes over of each order.
+  void share_out(
+      const Run& run, const Light& light, const Block& block, const std::vector<int>& order_wanted,
+      Pass& pass) {
+    if (!pass.coarse) pass.coarse.emplace(*this, light, last_order());
+    const std::size_t size = static_cast<std::size_t>(run.rows()) * block.count();
+    std::vector<float> kept(size * (last_order() + 1), 1.0F);
+    pass.shares.assign(last_order() + 1, {});
+    for (int p = 0; p <= last_order(); ++p) {
+      if (order_wanted[p] == 0) continue;
+      pass.shares[p] = integral_share(*pass.coarse, light, tracing.shape.radius_m, p, run.layout, block, {});
+      for (std::size_t i = 0; i < pass.shares[p].size(); ++i) kept[p * size + i] -= pass.shares[p][i];
+    }
+    pass.kept = cl().upload(kept);
+  }
+
   void trace_orders(
+      Run& run, std::span<const Light> batch, const Block& block, const std::vector<int>& order_wanted) {
+    if (blended)
+      for (std::size_t w = 0; w < batch.size(); ++w)
+        share_out(run, batch[w], block, order_wanted, run.passes[w]);
+    trace_patches(run, batch, block, order_wanted);
+    if (!blended) return;
+    const DirectionBuffers directions{block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi};
+    for (std::size_t w = 0; w < batch.size(); ++w)
+      for (int p = 0; p <= last_order(); ++p)
+        add_integral(
+            *this, *run.passes[w].coarse, batch[w], p, run.passes[w].shares[p], run.layout, block, directions,
+            run.passes[w].sums[0]);
+  }
+
+  void trace_patches(
       Run& run, std::span<const Light> batch, const Block& block, const std::vector<int>& order_wanted) {
     if (run.layout.raster)
       raster(batch, run.layout, block, run.cut, order_wanted, run.passes);
@@ -836,7 +473,7 @@ struct Tracer::Implementation {
 
   void take_amplitude(Run& run, const Light& light, const Pass& pass, const Block& block, Amplitude* out) {
     static_assert(sizeof(Amplitude) == 8 * sizeof(double));
-    const std::size_t size = static_cast<std::size_t>(run.rows()) * (block.end - block.first) * 8;
+    const std::size_t size = static_cast<std::size_t>(run.rows()) * (block.count()) * 8;
     const double ka = pi * pass.job.wave;
     over_columns(
         program(light), "sums_to_amplitude", block, pass.sums[0], block.cos_theta, block.cos_phi,
@@ -849,26 +486,29 @@ struct Tracer::Implementation {
     const Wanted& wanted = run.wanted;
     cl::Program& code = program(light);
     const int elements = wanted.matrix ? 16 : 1, rows = run.rows();
-    const std::size_t size = static_cast<std::size_t>(rows) * (block.end - block.first) * elements;
+    const std::size_t size = static_cast<std::size_t>(rows) * (block.count()) * elements;
     const double scale = tracing.shape.radius_m * tracing.shape.radius_m / field.scattering_cross_section;
     over_columns(
         code, "sums_to_intensity", block, pass.sums[0], block.cos_theta, block.cos_phi, block.sin_phi, rows,
         elements, scale, kept(run.table, size));
-    pass.clean = block.end - block.first == run.cut.columns;
+    pass.clean = block.count() == run.cut.columns;
     cl::Buffer table = run.table;
-    std::vector<Crossing> crossings;
-    if (wanted.filter_sigma_deg > 0 || wanted.sun_disc_deg > 0) {
-      crossings = bow_crossings(light, run.layout, block);
-      const auto corrections = make_end_corrections(light, crossings, run.layout, block, wanted);
+    std::vector<BowCrossing> crossings;
+    if (!blended && (wanted.filter_sigma_deg > 0 || wanted.sun_disc_deg > 0)) {
+      crossings = bow_crossings(*this, light, run.layout, block);
+      const double between_rays = 2 * surface.largest_radius / tracing.rays;
+      const auto corrections =
+          end_corrections(tracing, light, between_rays, crossings, run.layout, block, wanted);
       over_columns(
-          code, "correct_ends", block, table, rows, elements, block.sin_phi, scale, corrections.records,
-          corrections.per_column);
+          code, "correct_ends", block, table, rows, elements, block.sin_phi, scale,
+          cl().upload(corrections.records), corrections.per_column);
     }
     if (wanted.filter_sigma_deg > 0) {
-      const Edges edges = make_edges(crossings, run.layout, block, wanted);
+      const EdgeWindows edges = edge_windows(tracing, crossings, run.layout, block, wanted);
       over_columns(
           code, "smooth_edges", block, table, kept(run.smooth, size), rows, elements, run.theta,
-          run.segment_first, run.segment_end, edges.edges.records, edges.edges.per_column, edges.weights);
+          run.segment_first, run.segment_end, cl().upload(edges.windows.records), edges.windows.per_column,
+          cl().upload(edges.weights));
       table = run.smooth;
     }
     if (wanted.sun_disc_deg > 0) {
@@ -898,6 +538,9 @@ struct Tracer::Implementation {
       const std::function<void(std::size_t, FarField&)>& done) {
     if (!tracing.interference && (wanted.amplitudes || wanted.per_order))
       throw InputError("--amplitudes and --per-order need interference: drop --no-interference");
+    if (wanted.integral && !(tracing.interference && tracing.focal_lines == FocalLines::exact))
+      throw InputError("--diffraction integral needs interference and --focal-lines exact");
+    blended = wanted.integral;
     Run run{wanted, make_layout(wanted, tracing, axisymmetric, last_order())};
     run.cut = cut(lights.size(), run.layout, wanted.matrix);
     run.row_of = cl().upload(run.layout.row_of);
@@ -913,6 +556,7 @@ struct Tracer::Implementation {
     for (std::size_t start = 0; start < lights.size(); start += run.cut.at_once) {
       const std::span<const Light> batch =
           lights.subspan(start, std::min<std::size_t>(run.cut.at_once, lights.size() - start));
+      for (Pass& pass : run.passes) pass.coarse.reset();
       for (int first = 0; first < run.columns(); first += run.cut.columns) {
         const Block block = make_block(run.layout, first, std::min(first + run.cut.columns, run.columns()));
         if (wanted.per_order)
@@ -975,7 +619,7 @@ Tracer::trace(const Light& light, std::span<const double> u, std::span<const dou
 std::vector<std::array<double, 2>> Tracer::bow_curve(const Light& light, int order) {
   return guarded([&] {
     std::vector<std::array<double, 2>> curve;
-    const auto curves = implementation_->bow_curves(light, order);
+    const auto curves = bow_curves(*implementation_, light, order);
     for (const auto& point : curves.at(order)) curve.push_back({point.theta_deg, point.phi_deg});
     return curve;
   });

@@ -20,7 +20,10 @@
 /// the origin of the drop's polar curve; azimuths phi and -phi are images in the vertical plane of the sun.
 namespace scatter::wavefront {
 
-enum class FocalLines { none, rule };
+/// How the quarter turns of phase at focal lines are counted. none: not at all. rule: van de Hulst's count
+/// for spheres (section 12.22) taken over to any drop. exact: from the curvature of the wavefront along every
+/// ray.
+enum class FocalLines { none, rule, exact };
 enum class Search { automatic, raster, tree };
 
 /// The drop and how it is sampled: the same for every wavelength.
@@ -30,7 +33,7 @@ struct Tracing {
   int rays = 1000;                     ///< rays x rays over the square around the drop; 2..20000
   std::vector<int> orders{0, 1, 2, 3}; ///< p that count, sorted
   bool interference = true;            ///< false: the intensities of patches add
-  FocalLines focal_lines = FocalLines::rule;
+  FocalLines focal_lines = FocalLines::exact;
   Search search = Search::automatic;
 };
 
@@ -49,6 +52,7 @@ struct Wanted {
   bool per_order = false;  ///< needs interference
   double filter_sigma_deg =
       0; ///< Gaussian over the primary bow's edge, (p - 1) times that over the edge of order p; 0: none
+  bool integral = false; ///< the diffraction integral near caustics; needs interference and exact focal lines
   double sun_disc_deg = 0; ///< angular diameter of a uniform disc that intensities are averaged over; 0: none
 };
 
@@ -75,6 +79,13 @@ struct TracedRay {
   std::array<double, 3> direction{}; ///< sun frame: x most downward, z along the light
   double path = 0;                   ///< optical path between the planes through the origin, in units of a
   int axis_crossings = 0;            ///< how often it passed the axis of the light
+  int foci_inside = 0;               ///< focal lines passed before it left the drop
+  int foci = 0;                      ///< the same from the sun to infinity: each takes pi/2 off the phase
+  std::array<double, 3> point{};     ///< where it left the drop, units of a
+  /// Derivatives by the impact point (u, v): of the point along the surface, and of the direction [1/a].
+  /// Their triple product direction . (direction_u x direction_v) is the solid angle per area of the incident
+  /// beam, with the sign (-1)^(foci + reflections).
+  std::array<double, 3> point_u{}, point_v{}, direction_u{}, direction_v{};
   /// Energy-normalised Jones matrix in the scattering plane, rows (parallel, perpendicular) like [[S2, S3],
   /// [S4, S1]]: the amplitude without sqrt(a/s), phase of the path and focal lines.
   Amplitude jones;

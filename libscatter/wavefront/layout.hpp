@@ -25,6 +25,12 @@ struct Layout {
   bool raster = false;
 };
 
+/// A block of the layout's azimuths: first..end-1.
+struct Columns {
+  int first = 0, end = 0;
+  [[nodiscard]] int count() const { return end - first; }
+};
+
 /// axisymmetric: about the sunlight. last_order: the highest that is traced, for the reach of its filter.
 /// Throws InputError when Tracing::search asks for a raster and the angles are not even.
 [[nodiscard]] Layout

@@ -183,7 +183,7 @@ INSTANTIATE_TEST_SUITE_P(
             "DiffractionIntegral",
             phase({{"--diffraction", "integral"}}),
             {"--diffraction", "integral", "gaussian"}},
-        Case{"FocalLinesExact", phase({{"--focal-lines", "exact"}}), {"--focal-lines", "exact", "rule"}},
+        Case{"FocalLinesUnknown", phase({{"--focal-lines", "all"}}), {"--focal-lines", "all", "exact"}},
         Case{"Tolerance", phase({{"--tolerance", "1e-3"}}), {"--tolerance", "--rays"}},
         Case{
             "RasterOfUnevenAngles",

@@ -109,6 +109,31 @@ void tracing(benchmark::State& state) {
 }
 BENCHMARK(tracing)->Arg(1000)->Arg(3000)->Unit(benchmark::kMillisecond)->UseRealTime();
 
+/// Focal lines counted ray by ray against the rule, by turns in one run: rays alone, and a whole table.
+void focal_lines(benchmark::State& state, phase::FocalLines counted, bool table) {
+  phase::Request request = base_request();
+  request.focal_lines = counted;
+  if (!table) {
+    request.theta_deg = {179.9};
+    request.phi_deg = {90};
+    request.diffraction = phase::Diffraction::none;
+    request.search = phase::Search::raster;
+  }
+  run(state, request);
+}
+BENCHMARK_CAPTURE(focal_lines, rays_rule, phase::FocalLines::rule, false)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(focal_lines, rays_exact, phase::FocalLines::exact, false)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(focal_lines, table_rule, phase::FocalLines::rule, true)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(focal_lines, table_exact, phase::FocalLines::exact, true)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+
 void rays(benchmark::State& state) {
   phase::Request request = base_request();
   request.rays = static_cast<int>(state.range(0));

@@ -73,6 +73,57 @@ FORCE_INLINE vector3 surface_normal(constant const double* surface, vector3 p) {
   return unit3(n);
 }
 
+#ifdef CURVATURE
+// d2R/dc2 at c, from the radius and the slope there.
+#ifdef SURFACE_SPHEROID
+FORCE_INLINE real polar_curve_bend(constant const double* surface, real c, real radius, real slope) {
+  const double across = surface[SURFACE_SHAPE], along = surface[SURFACE_SHAPE + 1];
+  return (across - along) * radius * radius * (radius + 3.0 * c * slope);
+}
+#else
+FORCE_INLINE real polar_curve_bend(constant const double* surface, real c, real radius, real slope) {
+  real bend = 0.0;
+  for (int n = SURFACE_DEGREE; n >= 2; --n) bend = bend * c + (n * (n - 1)) * surface[SURFACE_SHAPE + n];
+  return bend;
+}
+#endif
+
+// The surface about one of its points, to second order.
+typedef struct {
+  vector3 radial, normal;
+  real inverse_r, c;
+  real along_radial, slope, bend; // the normal is along_radial * radial - slope * axis, times inverse_length
+  real inverse_length;
+} surface_patch;
+
+FORCE_INLINE surface_patch bent_surface(constant const double* surface, vector3 p, vector3 normal) {
+  const vector3 axis = surface_axis(surface);
+  surface_patch s;
+  s.inverse_r = 1.0 / sqrt(dot3(p, p));
+  s.radial = scale3(s.inverse_r, p);
+  s.normal = normal;
+  s.c = dot3(axis, s.radial);
+  real radius;
+  polar_curve(surface, s.c, &radius, &s.slope);
+  s.bend = polar_curve_bend(surface, s.c, radius, s.slope);
+  s.along_radial = radius + s.c * s.slope;
+  const vector3 n = along3(scale3(s.along_radial, s.radial), -s.slope, axis);
+  s.inverse_length = 1.0 / sqrt(dot3(n, n));
+  return s;
+}
+
+// How the unit normal changes when the point moves by dp along the surface.
+FORCE_INLINE vector3 normal_change(constant const double* surface, const surface_patch* s, vector3 dp) {
+  const vector3 axis = surface_axis(surface);
+  const real out = dot3(s->radial, dp);
+  const vector3 turn = scale3(s->inverse_r, along3(dp, -out, s->radial)); // of the radial unit vector
+  const real dc = dot3(axis, turn);
+  const vector3 change = along3(
+      along3(scale3((2.0 * s->slope + s->c * s->bend) * dc, s->radial), s->along_radial, turn), -s->bend * dc, axis);
+  return scale3(s->inverse_length, along3(change, -dot3(s->normal, change), s->normal));
+}
+#endif
+
 // The same surface with twice the digits.
 FORCE_INLINE void polar_curve2(constant const double* surface, real2 c, real2* radius, real2* slope) {
 #ifdef SURFACE_SPHEROID

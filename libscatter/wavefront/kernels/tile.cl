@@ -4,19 +4,24 @@
 // (i+1, j+1). Every edge is a great circle whose sign at a direction is computed the same way by both neighbours, so
 // that each direction of a sheet lies in exactly one triangle, whatever folds, twists, poles or seams it has.
 //
-// The build defines TILE (cells across a tile).
+// The build defines TILE (cells across a tile), CURVATURE where focal lines are counted ray by ray.
 
 #define TILE_RAYS (TILE + 1)
 #define TILE_PADDED ((TILE_RAYS * TILE_RAYS + RAY_LANES - 1) / RAY_LANES * RAY_LANES)
 
 // Scratch of one work-item, in doubles: the rays inside the drop, then what left it at this order.
+#ifdef CURVATURE
+#define STATE_FIELDS 40
+#define EXIT_FIELDS 8
+#else
 #define STATE_FIELDS 27
 #define EXIT_FIELDS 7
+#endif
 #define SCRATCH_EXIT (STATE_FIELDS * TILE_PADDED)
 #define SCRATCH_JONES (SCRATCH_EXIT + EXIT_FIELDS * TILE_PADDED)
 #define SCRATCH_PLANES (SCRATCH_JONES + 8 * TILE_PADDED) // the same Jones matrices, one plane per element
 #define SCRATCH_DOUBLES (SCRATCH_PLANES + 8 * TILE_PADDED)
-enum { EXIT_X, EXIT_Y, EXIT_Z, EXIT_PHASE, EXIT_ROW, EXIT_COLUMN, EXIT_ENERGY };
+enum { EXIT_X, EXIT_Y, EXIT_Z, EXIT_PHASE, EXIT_ROW, EXIT_COLUMN, EXIT_ENERGY, EXIT_FOCI };
 
 #define NOWHERE 1e300 // column of a ray that did not leave
 
@@ -40,7 +45,7 @@ typedef struct {
   int rays;           // across the grid
   int last_order;
   int rows, columns;
-  int focal_lines;    // 0: none, 1: the sign rule
+  int focal_lines;    // 1: by the sign rule; 0: none, unless CURVATURE counts them
   int interior_steps, rim_steps;
 } job_t;
 
@@ -80,6 +85,13 @@ FORCE_INLINE void load_state(global const double* scratch, int at, int rim, ray_
   NEXT_FIELD(ray->px.re) NEXT_FIELD(ray->px.im) NEXT_FIELD(ray->py.re) NEXT_FIELD(ray->py.im)
   NEXT_FIELD(ray->sx.re) NEXT_FIELD(ray->sx.im) NEXT_FIELD(ray->sy.re) NEXT_FIELD(ray->sy.im)
   NEXT_FIELD(ray->path) NEXT_FIELD(ray->side) NEXT_FIELD(ray->axis_crossings) NEXT_FIELD(ray->alive)
+#ifdef CURVATURE
+  NEXT_FIELD(ray->spread.p_u.x) NEXT_FIELD(ray->spread.p_u.y) NEXT_FIELD(ray->spread.p_u.z)
+  NEXT_FIELD(ray->spread.p_v.x) NEXT_FIELD(ray->spread.p_v.y) NEXT_FIELD(ray->spread.p_v.z)
+  NEXT_FIELD(ray->spread.d_u.x) NEXT_FIELD(ray->spread.d_u.y) NEXT_FIELD(ray->spread.d_u.z)
+  NEXT_FIELD(ray->spread.d_v.x) NEXT_FIELD(ray->spread.d_v.y) NEXT_FIELD(ray->spread.d_v.z)
+  NEXT_FIELD(ray->foci)
+#endif
   const vector3 zero = {(real)(0.0), (real)(0.0), (real)(0.0)};
   ray->p_rest = ray->d_rest = zero;
   if (rim) {
@@ -98,6 +110,13 @@ FORCE_INLINE void store_state(global double* scratch, int at, int rim, const ray
   NEXT_FIELD(ray->px.re) NEXT_FIELD(ray->px.im) NEXT_FIELD(ray->py.re) NEXT_FIELD(ray->py.im)
   NEXT_FIELD(ray->sx.re) NEXT_FIELD(ray->sx.im) NEXT_FIELD(ray->sy.re) NEXT_FIELD(ray->sy.im)
   NEXT_FIELD(ray->path) NEXT_FIELD(ray->side) NEXT_FIELD(ray->axis_crossings) NEXT_FIELD(ray->alive)
+#ifdef CURVATURE
+  NEXT_FIELD(ray->spread.p_u.x) NEXT_FIELD(ray->spread.p_u.y) NEXT_FIELD(ray->spread.p_u.z)
+  NEXT_FIELD(ray->spread.p_v.x) NEXT_FIELD(ray->spread.p_v.y) NEXT_FIELD(ray->spread.p_v.z)
+  NEXT_FIELD(ray->spread.d_u.x) NEXT_FIELD(ray->spread.d_u.y) NEXT_FIELD(ray->spread.d_u.z)
+  NEXT_FIELD(ray->spread.d_v.x) NEXT_FIELD(ray->spread.d_v.y) NEXT_FIELD(ray->spread.d_v.z)
+  NEXT_FIELD(ray->foci)
+#endif
   if (rim) {
     NEXT_FIELD(ray->p_rest.x) NEXT_FIELD(ray->p_rest.y) NEXT_FIELD(ray->p_rest.z)
     NEXT_FIELD(ray->d_rest.x) NEXT_FIELD(ray->d_rest.y) NEXT_FIELD(ray->d_rest.z)
@@ -156,6 +175,9 @@ void trace_tile(constant const double* surface, constant const job_t* job, tile_
     store_real(out.d.z, field + EXIT_Z * TILE_PADDED);
     const double focal = job->focal_lines ? 0.5 : 0.0;
     store_real(job->wave * out.path - focal * out.axis_crossings, field + EXIT_PHASE * TILE_PADDED);
+#ifdef CURVATURE
+    store_real(out.foci + foci_ahead(area_along(out.d, &out.spread)), field + EXIT_FOCI * TILE_PADDED);
+#endif
     real theta, phi;
     quick_direction(out.d, &theta, &phi);
     store_real((theta - job->row_origin) * job->rows_per_radian, field + EXIT_ROW * TILE_PADDED);
@@ -209,10 +231,11 @@ FORCE_INLINE double8 solid_angle(double8 triple, point8 a, point8 b, point8 c) {
 
 // Patches of the eight cells i..i+7 of a row. Corners: 0 = (i, j), 1 = (i+1, j), 2 = (i+1, j+1), 3 = (i, j+1); the
 // triangles are 012 and 023. Normals of the edges 0->1, 1->2, 3->2, 0->3 and 0->2, then the patch's sqrt(a/s) for both
-// triangles with the sign of their turn (+ counter-clockwise, 0 drops the triangle), then the phase of the whole patch.
+// triangles with the sign of their turn (+ counter-clockwise, 0 drops the triangle), then what their phases have beside
+// the paths.
 enum {
   PATCH_BOTTOM = 0, PATCH_RIGHT = 3, PATCH_TOP = 6, PATCH_LEFT = 9, PATCH_DIAGONAL = 12,
-  PATCH_FIRST = 15, PATCH_SECOND, PATCH_PHASE, PATCH_FIELDS
+  PATCH_FIRST = 15, PATCH_SECOND, PATCH_FIRST_PHASE, PATCH_SECOND_PHASE, PATCH_FIELDS
 };
 
 FORCE_INLINE point8 corners8(global const double* scratch, int at) {
@@ -248,6 +271,21 @@ FORCE_INLINE double8 energy_kept(global const double* scratch, int at, double8 f
   return select((double8)(1.0), clamp(factor, 0.25, 4.0), one_basis & (factor > 0.0));
 }
 
+#ifdef CURVATURE
+// Focal lines of a triangle with the corners a, b, c of a cell whose fourth corner is `other`. Where they differ a
+// caustic crosses the cell, and the triangle's turn tells the side: the solid angle changes its sign at every focal line
+// and every reflection. odd: whether the turn asks for an odd number.
+FORCE_INLINE double8 triangle_foci(double8 a, double8 b, double8 c, double8 other, long8 odd) {
+  const double8 none = 1e9, wanted = select((double8)(0.0), (double8)(1.0), odd);
+#define FITTING(f) select(none, f, f - 2.0 * floor(0.5 * f) == wanted)
+  const double8 own = fmin(fmin(FITTING(a), FITTING(b)), FITTING(c));
+  const double8 fitting = select(own, FITTING(other), own == none);
+#undef FITTING
+  const long8 agree = (a == b) & (a == c) & (a == other);
+  return select(fitting, fmin(fmin(a, b), c), agree | (fitting == none));
+}
+#endif
+
 FORCE_INLINE void make_patches(
     constant const job_t* job, tile_t tile, int p, global const double* scratch, int i, int j, int stride, double* out) {
   const int at = j * TILE_RAYS + i;
@@ -280,8 +318,20 @@ FORCE_INLINE void make_patches(
   vstore8(select(-first_factor, first_factor, first >= 0.0), 0, out + PATCH_FIRST * stride);
   vstore8(select(-second_factor, second_factor, second >= 0.0), 0, out + PATCH_SECOND * stride);
 
-  // -pi/2 from S = -i k r E; with the focal-line rule another -pi/2 per focal line: p - 1 inside the drop, one more
-  // where the deflection grows with the impact parameter, and those on the axis that the rays carry already.
+  // -pi/2 from S = -i k r E, and another -pi/2 per focal line.
+#ifdef CURVATURE
+  global const double* foci = scratch + SCRATCH_EXIT + EXIT_FOCI * TILE_PADDED + at;
+  const double8 f0 = vload8(0, foci), f1 = vload8(0, foci + 1);
+  const double8 f2 = vload8(0, foci + TILE_RAYS + 1), f3 = vload8(0, foci + TILE_RAYS);
+  // A positive turn has an even number of focal lines and reflections together; there are p - 1 inside, or the one.
+  const long8 reflects_oddly = (long8)(p % 2 == 0 ? -1 : 0);
+  const double8 first_foci = triangle_foci(f0, f1, f2, f3, reflects_oddly ^ (first < 0.0));
+  const double8 second_foci = triangle_foci(f0, f2, f3, f1, reflects_oddly ^ (second < 0.0));
+  vstore8(-0.5 - 0.5 * first_foci, 0, out + PATCH_FIRST_PHASE * stride);
+  vstore8(-0.5 - 0.5 * second_foci, 0, out + PATCH_SECOND_PHASE * stride);
+#else
+  // By rule: p - 1 inside the drop, one more where the deflection grows with the impact parameter, and those on the
+  // axis that the rays carry already.
   double8 phase = -0.5;
   if (job->focal_lines) {
     const double8 lane = (double8)(0, 1, 2, 3, 4, 5, 6, 7);
@@ -293,7 +343,9 @@ FORCE_INLINE void make_patches(
     const long8 grows = towards_axis * -(u * zu + v * zv) > 0.0;
     phase -= select((double8)(0.5 * (p - 1)), (double8)(0.5 * p), grows);
   }
-  vstore8(phase, 0, out + PATCH_PHASE * stride);
+  vstore8(phase, 0, out + PATCH_FIRST_PHASE * stride);
+  vstore8(phase, 0, out + PATCH_SECOND_PHASE * stride);
+#endif
 }
 
 // The basis of one hemisphere taken over into the other's at the azimuth of (x, y): they differ by a turn of 2 phi.
@@ -394,7 +446,9 @@ FORCE_INLINE int hits_in_column(const double* patch, int stride, const double* c
   hits->weight[2] = weight2 * scale;
   hits->weight[3] = weight3 * scale;
   const double8 phase = hits->weight[0] * corner_phase[0] + hits->weight[1] * corner_phase[1] +
-                        hits->weight[2] * corner_phase[2] + hits->weight[3] * corner_phase[3] + patch[PATCH_PHASE * stride];
+                        hits->weight[2] * corner_phase[2] + hits->weight[3] * corner_phase[3] +
+                        select((double8)(patch[PATCH_FIRST_PHASE * stride]),
+                               (double8)(patch[PATCH_SECOND_PHASE * stride]), in_second);
   double8 cosine;
   const double8 sine = sin_cos_half_turns(phase, &cosine);
   const double8 factor = select((double8)(fabs(first_factor)), (double8)(fabs(second_factor)), in_second);
@@ -532,6 +586,18 @@ double tile_energy(constant const job_t* job, tile_t tile, global const double* 
 #define PREFETCH_ROWS
 #endif
 
+// With BLENDED, patches keep but a share of an order at each direction, kept[order][column][row]; the diffraction
+// integral has the rest.
+#ifdef BLENDED
+#define KEPT(column, row) * kept[(size_t)(column) * job->rows + (row)]
+#define KEPT_ARGUMENT , global const float* kept_shares
+#define KEPT_OF_ORDER(p) (kept_shares + (size_t)(p) * job->columns * job->rows)
+#else
+#define KEPT(column, row)
+#define KEPT_ARGUMENT
+#define KEPT_OF_ORDER(p) 0
+#endif
+
 // Rows row0..row1 of one column that a cell may hold.
 typedef struct {
   int cell, column, row0, row1, mirror;
@@ -542,7 +608,8 @@ typedef struct {
 // last row: a zero vector lies in no patch.
 FORCE_INLINE void lay_span(constant const job_t* job, span_t span, const double* patches, global const double* scratch,
                      int cells_at, global const double* sin_theta, global const double* cos_theta,
-                     global const double* cos_phi, global const double* sin_phi, global double* sums) {
+                     global const double* cos_phi, global const double* sin_phi, global const float* kept,
+                     global double* sums) {
   const double* patch = patches + span.cell;
   const int at = cells_at + span.cell;
   double phase[4];
@@ -567,7 +634,7 @@ FORCE_INLINE void lay_span(constant const job_t* job, span_t span, const double*
         if (!held[lane]) continue;
         const double cos_theta_here = cos_theta[row + lane];
         const double8 j = hit_amplitude(&jones, w[0][lane], w[1][lane], w[2][lane], w[3][lane], sine[lane], cosine[lane],
-                                        cos_theta_here, c, s, span.mirror);
+                                        cos_theta_here, c, s, span.mirror) KEPT(span.column, row + lane);
         accumulate(column_sums + (size_t)(row + lane) * ACCUMULATOR, j, c, span.mirror * s, cos_theta_here < 0.0);
       }
     }
@@ -579,7 +646,7 @@ kernel void raster_tiles(
     constant double* surface, constant job_t* job, global const tile_t* tiles, int first, int last,
     global const int* wanted, global const double* sin_theta, global const double* cos_theta,
     global const double* cos_phi, global const double* sin_phi, global double* scratch, global double* sums,
-    global double* energy) {
+    global double* energy KEPT_ARGUMENT) {
   double patches[PATCH_FIELDS * TILE];
   span_t spans[SPANS];
   for (int t = first; t < last; ++t) {
@@ -593,7 +660,8 @@ kernel void raster_tiles(
         int count = 0;
 #define LAY_SPANS                                                                                                \
   for (int n = 0; n < count; ++n)                                                                                \
-    lay_span(job, spans[n], patches, scratch, cells_at, sin_theta, cos_theta, cos_phi, sin_phi, sums);           \
+    lay_span(job, spans[n], patches, scratch, cells_at, sin_theta, cos_theta, cos_phi, sin_phi, KEPT_OF_ORDER(p), \
+             sums);                                                                                             \
   count = 0;
         for (int i = 0; i < tile.cells_i; i += 8) {
           const cell_bounds b = bound_cells(job, scratch, cells_at + i);
@@ -747,29 +815,6 @@ kernel void evaluate_candidates(
             }
           }
       }
-    }
-  }
-}
-
-// Single rays for inspection: out[order][field][ray] with fields valid, direction (3), path, axis crossings and the
-// eight numbers of the Jones matrix in the order of store_jones(). count is padded to RAY_LANES.
-kernel void trace_rays(constant double* surface, constant job_t* job, global const double* u, global const double* v,
-                       int count, global double* out) {
-  for (int at = get_global_id(0) * RAY_LANES; at < count; at += get_global_size(0) * RAY_LANES) {
-    const real ray_u = load_real(u + at), ray_v = load_real(v + at);
-    const vector3 impact = {ray_u, ray_v, (real)(0.0)};
-    ray_state ray;
-    exit_ray left;
-    for (int p = 0; p <= job->last_order; ++p) {
-      if (p == 0) enter(surface, job->n, job->k, job->attenuation, ray_u, ray_v, job->rim_steps, &ray, &left);
-      else bounce(surface, job->n, job->k, job->attenuation, impact, job->rim_steps, &ray, &left);
-      global double* field = out + (size_t)p * 14 * count + at;
-#define NEXT_FIELD(value) store_real(value, field); field += count;
-      NEXT_FIELD(left.valid) NEXT_FIELD(left.d.x) NEXT_FIELD(left.d.y) NEXT_FIELD(left.d.z)
-      NEXT_FIELD(left.path) NEXT_FIELD(left.axis_crossings)
-      NEXT_FIELD(left.e1x.re) NEXT_FIELD(left.e2x.re) NEXT_FIELD(left.e1y.re) NEXT_FIELD(left.e2y.re)
-      NEXT_FIELD(left.e1x.im) NEXT_FIELD(left.e2x.im) NEXT_FIELD(left.e1y.im) NEXT_FIELD(left.e2y.im)
-#undef NEXT_FIELD
     }
   }
 }

@@ -3,7 +3,7 @@
 // Frame: z along the sunlight, x towards the side of the drop that points most downward, y completes it; lengths in
 // units of a, the radius of the equal-volume sphere. Time factor exp(-i omega t).
 //
-// The build defines ABSORBING for complex m.
+// The build defines ABSORBING for complex m, CURVATURE for exact focal lines (needs curvature.cl).
 
 // Rays below this cosine are traced with twice the digits.
 #define GRAZING 0.05
@@ -117,6 +117,10 @@ typedef struct {
   real side;          // > 0 while the point lies on the side of the axis where the ray came in
   real axis_crossings; // how often the axis has been passed
   real alive;         // 1, or 0 for a ray that misses or was lost
+#ifdef CURVATURE
+  ray_spread spread;
+  real foci; // passed so far
+#endif
 } ray_state;
 
 // A ray that has left the drop.
@@ -126,6 +130,11 @@ typedef struct {
   real path;                       // between planes through the origin, across the incident and the outgoing ray
   real axis_crossings;
   real valid;
+#ifdef CURVATURE
+  vector3 p; // where it left
+  ray_spread spread;
+  real foci; // passed inside
+#endif
 } exit_ray;
 
 // Right-handed basis across d without trigonometry and smooth in each hemisphere (d.z >= 0 and d.z < 0): for
@@ -247,6 +256,18 @@ FORCE_INLINE void enter(
   const complex_real px = {f.r_p.re * in_p.x, f.r_p.im * in_p.x}, py = {f.r_p.re * in_p.y, f.r_p.im * in_p.y};
   const complex_real sx = {f.r_s.re * s.x, f.r_s.im * s.x}, sy = {f.r_s.re * s.y, f.r_s.im * s.y};
   leave(p, reflected, s, px, py, sx, sy, p.z, (real)(0.0), side, valid, impact, out);
+#ifdef CURVATURE
+  const surface_patch bent = bent_surface(surface, p, normal);
+  const vector3 east = {(real)(1.0), (real)(0.0), (real)(0.0)}, north = {(real)(0.0), (real)(1.0), (real)(0.0)};
+  ray_spread spread = {east, north, zero, zero};
+  fly(&spread, d, (real)(0.0), normal);
+  const vector3 n_u = normal_change(surface, &bent, spread.p_u), n_v = normal_change(surface, &bent, spread.p_v);
+  ray->spread = out->spread = spread;
+  turn_directions(&out->spread, d, normal, n_u, n_v, (real)(1.0), -outside, outside);
+  turn_directions(&ray->spread, d, normal, n_u, n_v, (real)(1.0 / n), -outside, -inside);
+  out->p = p;
+  out->foci = ray->foci = 0.0;
+#endif
   // Refracted.
   ray->p = p;
   ray->s = s;
@@ -347,6 +368,18 @@ FORCE_INLINE void bounce(
   const real valid = alive * select((real)(0.0), (real)(1.0), cosine2 > 0.0);
   leave(p, refracted, s, times(f.t_p, px), times(f.t_p, py), times(f.t_s, sx), times(f.t_s, sy), path, crossings,
         side, valid, impact, out);
+#ifdef CURVATURE
+  const surface_patch bent = bent_surface(surface, p, normal);
+  ray_spread spread = ray->spread;
+  const real foci = ray->foci + foci_within(area_along(d, &spread), t);
+  fly(&spread, d, t, normal);
+  const vector3 n_u = normal_change(surface, &bent, spread.p_u), n_v = normal_change(surface, &bent, spread.p_v);
+  ray->spread = out->spread = spread;
+  turn_directions(&out->spread, d, normal, n_u, n_v, (real)(n), inside, outside);
+  turn_directions(&ray->spread, d, normal, n_u, n_v, (real)(1.0), inside, -inside);
+  out->p = p;
+  out->foci = ray->foci = foci;
+#endif
   // Reflected, inside.
   ray->p = p;
   ray->d = onwards;

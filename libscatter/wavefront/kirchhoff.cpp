@@ -1,0 +1,573 @@
+#include <scatter/optics/errors.hpp>
+#include <scatter/optics/fftw_planner.hpp>
+#include <scatter/optics/units.hpp>
+#include <scatter/wavefront/kirchhoff.hpp>
+
+#include <embedded/kernel_kirchhoff.hpp>
+#include <embedded/kernel_mueller.hpp>
+#include <embedded/kernel_tile.hpp>
+#include <fftw3.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <map>
+#include <mutex>
+#include <thread>
+
+namespace scatter::wavefront {
+namespace {
+
+using compute::OpenCL;
+using compute::with_arguments;
+using Vector = std::array<double, 3>;
+
+constexpr int taps = 6, tap_degree = 12; ///< TAPS, TAP_DEGREE in kernels/kirchhoff.cl
+constexpr double oversampling = 2;       ///< of both grids of the Fourier transform
+/// The Kaiser-Bessel kernel's shape for this oversampling (Jackson et al. 1991, IEEE Trans. Med. Imaging 10,
+/// 473).
+const double beta = pi * taps * (1 - 1 / (2 * oversampling));
+/// Phase between neighbouring rays, in half-turns, at most.
+constexpr double phase_step = 0.6;
+/// The taper begins and ends this many Fresnel widths outside the window.
+constexpr double taper_begin = 4, taper_end = 8;
+constexpr double window_deg = 12;
+constexpr double polar_cap_deg = 8;
+
+double inner(const Vector& a, const Vector& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+Vector cross(const Vector& a, const Vector& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+Vector along(const Vector& a, double t, const Vector& b) {
+  return {a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]};
+}
+double norm(const Vector& a) {
+  return std::sqrt(inner(a, a));
+}
+Vector direction(double theta_deg, double phi_deg) {
+  return {sin_deg(theta_deg) * cos_deg(phi_deg), sin_deg(theta_deg) * sin_deg(phi_deg), cos_deg(theta_deg)};
+}
+double smooth_step(double a, double inner_end, double outer_end) {
+  const double s = std::clamp((a - inner_end) / (outer_end - inner_end), 0.0, 1.0), s2 = s * s;
+  return 1 - s2 * s2 * s * (126 - s * (420 - s * (540 - s * (315 - 70 * s))));
+}
+
+/// The drop's outline seen along the light, as the radius over the azimuth: the edge of its shadow. At
+/// azimuth psi the line of sight touches where |P| / R(P) is least along it.
+std::vector<double> outline_series(const drop::Shape& shape, double sun_elevation_deg) {
+  if (shape.is_sphere()) return {1.0};
+  const double h = sun_elevation_deg * radians_per_degree;
+  const Vector axis{std::cos(h), 0, std::sin(h)};
+  constexpr int samples = 256;
+  std::vector<double> radius(samples + 1);
+  for (int i = 0; i <= samples; ++i) {
+    const double psi = pi * i / samples;
+    const Vector side{std::cos(psi), std::sin(psi), 0};
+    const auto gauge = [&](double z) {
+      const Vector p{side[0], side[1], z};
+      const double r = norm(p);
+      return r / shape.radius(std::acos(std::clamp(inner(axis, p) / r, -1.0, 1.0)));
+    };
+    // Golden section: the gauge of a convex drop has one minimum.
+    constexpr double golden = 0.6180339887498949;
+    double low = -3, high = 3;
+    for (int step = 0; step < 60; ++step) {
+      const double left = high - golden * (high - low), right = low + golden * (high - low);
+      (gauge(left) < gauge(right) ? high : low) = gauge(left) < gauge(right) ? right : left;
+    }
+    radius[i] = 1 / gauge(0.5 * (low + high));
+  }
+  std::vector<double> series;
+  for (int n = 0; n <= samples / 2; ++n) {
+    double sum = 0;
+    for (int i = 0; i <= samples; ++i)
+      sum += (i == 0 || i == samples ? 0.5 : 1.0) * radius[i] * std::cos(pi * n * i / samples);
+    series.push_back(sum * (n == 0 ? 1.0 : 2.0) / samples);
+  }
+  while (series.size() > 1 && std::abs(series.back()) < 1e-15) series.pop_back();
+  return series;
+}
+
+double series_value(const std::vector<double>& series, double cosine) {
+  double b1 = 0, b2 = 0;
+  for (std::size_t n = series.size(); n-- > 1;) {
+    const double b = series[n] + 2 * cosine * b1 - b2;
+    b2 = b1;
+    b1 = b;
+  }
+  return series[0] + cosine * b1 - b2;
+}
+
+} // namespace
+
+CoarseRays::CoarseRays(RayProgram& rays, const Light& light, int last)
+    : nodes_(static_cast<std::size_t>(last + 1) * (alphas + 1) * azimuths) {
+  const auto outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
+  std::vector<double> u, v;
+  for (int a = 0; a <= alphas; ++a)
+    for (int j = 0; j < azimuths; ++j) {
+      const double alpha = std::min(0.5 * pi * a / alphas, 0.5 * pi - 1e-5), psi = 2 * pi * j / azimuths;
+      // Off the axis, where azimuths lose their meaning.
+      const double b = series_value(outline, std::cos(psi)) * std::max(std::sin(alpha), 1e-6);
+      u.push_back(b * std::cos(psi));
+      v.push_back(b * std::sin(psi));
+    }
+  const RawRays raw = rays.trace_raw(light, u, v, last);
+  for (int p = 0; p <= last; ++p)
+    for (std::size_t i = 0; i < u.size(); ++i) {
+      Node& node = nodes_[static_cast<std::size_t>(p) * u.size() + i];
+      const auto vector = [&](int f) {
+        return Vector{raw.field(p, f, i), raw.field(p, f + 1, i), raw.field(p, f + 2, i)};
+      };
+      node.valid = raw.field(p, 0, i) > 0.5;
+      node.direction = vector(1);
+      node.point = vector(14);
+      const Vector p_u = vector(17), p_v = vector(20), d_u = vector(23), d_v = vector(26);
+      node.at0 = inner(node.direction, cross(p_u, p_v));
+      node.at1 = inner(node.direction, cross(d_u, p_v)) + inner(node.direction, cross(p_u, d_v));
+      node.at2 = inner(node.direction, cross(d_u, d_v));
+    }
+}
+
+IntegralShare integral_share(
+    const CoarseRays& coarse, const Light& light, double radius_m, int order, const Layout& layout,
+    Columns columns, const IntegralZone& zone) {
+  const double ka = 2 * pi * radius_m / light.wavelength_m;
+  struct Caustic {
+    Vector direction;
+    double width; ///< of the Airy pattern [rad]
+  };
+  std::vector<Caustic> caustics;
+  const auto foot = [](const CoarseRays::Node& n) {
+    return along(n.point, -inner(n.point, n.direction), n.direction);
+  };
+  // Where the solid angle of a tube of rays changes sign between neighbours.
+  const auto look = [&](int a, int j, int step_a, int step_j) {
+    const auto& before = coarse.node(order, a - step_a, j - step_j);
+    const auto& here = coarse.node(order, a, j);
+    const auto& there = coarse.node(order, a + step_a, j + step_j);
+    if (!before.valid || !here.valid || !there.valid || (here.at2 < 0) == (there.at2 < 0)) return;
+    const double share = here.at2 / (here.at2 - there.at2);
+    Vector d = along(here.direction, share, along(there.direction, -1, here.direction));
+    const double length = norm(d);
+    for (double& c : d) c /= length;
+    // Directions bend by kappa X^2 / 2 about the fold, X across the wavefront.
+    Vector bend, X;
+    const Vector X0 = foot(before), X1 = foot(there);
+    for (int c = 0; c < 3; ++c) {
+      bend[c] = before.direction[c] - 2 * here.direction[c] + there.direction[c];
+      X[c] = 0.5 * (X1[c] - X0[c]);
+    }
+    const double kappa = norm(bend) / std::max(inner(X, X), 1e-12);
+    double width = std::cbrt(0.5 * kappa) * std::pow(ka, -2.0 / 3);
+    // A focus along the axis has the width of a Bessel function instead.
+    const double rho = norm(foot(here));
+    if (std::hypot(d[0], d[1]) < 0.1) width = std::max(width, 2.5 / (ka * std::max(rho, 0.05)));
+    caustics.push_back({d, std::min(width, 0.1)});
+  };
+  for (int a = 1; a < CoarseRays::alphas; ++a)
+    for (int j = 0; j < CoarseRays::azimuths; ++j) {
+      look(a, j, 1, 0);
+      look(a, j, 0, 1);
+    }
+  const int rows = static_cast<int>(layout.theta_deg.size());
+  IntegralShare share;
+  for (const Caustic& caustic : caustics) {
+    const double outer = zone.outer * caustic.width, inner_end = zone.inner * caustic.width;
+    const double theta = std::acos(std::clamp(caustic.direction[2], -1.0, 1.0)) / radians_per_degree;
+    const double reach = outer / radians_per_degree;
+    const auto first = std::lower_bound(layout.theta_deg.begin(), layout.theta_deg.end(), theta - reach);
+    const auto end = std::upper_bound(layout.theta_deg.begin(), layout.theta_deg.end(), theta + reach);
+    if (first == end) continue;
+    for (int column = 0; column < columns.count(); ++column) {
+      const double phi = layout.phi_deg[columns.first + column];
+      // The nearest the column comes.
+      const Vector side{cos_deg(phi), sin_deg(phi), 0};
+      const double across = caustic.direction[0] * side[1] - caustic.direction[1] * side[0];
+      if (std::abs(across) > std::sin(std::min(outer, 1.5))) continue;
+      for (auto t = first; t != end; ++t) {
+        const double cosine = inner(caustic.direction, direction(*t, phi));
+        if (cosine < std::cos(outer)) continue;
+        const double angle = std::acos(std::min(cosine, 1.0));
+        const double value = smooth_step(angle, inner_end, outer);
+        if (share.empty()) share.assign(static_cast<std::size_t>(rows) * columns.count(), 0.0F);
+        float& at = share[static_cast<std::size_t>(column) * rows + (t - layout.theta_deg.begin())];
+        at = std::max(at, static_cast<float>(value));
+      }
+    }
+  }
+  return share;
+}
+
+namespace {
+
+/// Layout of window_t in kernels/kirchhoff.cl.
+struct Window {
+  Vector r0, e1, e2;
+  double distance = 0;
+  std::array<double, 2> inner{}, outer{}, centre{}, xi_per_length{}, points_per_xi{};
+  double beta = 0;
+  std::array<double, 2> modes_per_cosine{};
+  double alpha_step = 0, psi_step = 0;
+  std::array<int, 2> points{}, modes{};
+  int alphas = 0, azimuths = 0, order = 0, outline_terms = 0;
+};
+static_assert(sizeof(Window) == 232);
+
+struct Cell {
+  int alpha, azimuth;
+};
+struct Target {
+  int column, row;
+  double weight;
+};
+
+/// Kaiser-Bessel taps at the six grid points around a place, as polynomials in z = 2 (first - place + 3) - 1.
+std::vector<double> tap_polynomials() {
+  constexpr int terms = tap_degree + 1;
+  std::vector<double> coefficients;
+  for (int tap = 0; tap < taps; ++tap) {
+    // Interpolation in Chebyshev points, then monomials; |z| <= 1 keeps that well-conditioned for so few
+    // terms.
+    std::array<double, terms> value{}, chebyshev{}, monomial{};
+    for (int i = 0; i < terms; ++i) {
+      const double z = std::cos(pi * (i + 0.5) / terms), t = -0.5 * taps + tap + 0.5 * (z + 1);
+      const double s = 1 - 4 * t * t / (taps * taps);
+      value[i] = std::cyl_bessel_i(0.0, beta * std::sqrt(std::max(s, 0.0))) / std::cyl_bessel_i(0.0, beta);
+    }
+    for (int n = 0; n < terms; ++n) {
+      for (int i = 0; i < terms; ++i) chebyshev[n] += value[i] * std::cos(pi * n * (i + 0.5) / terms);
+      chebyshev[n] *= (n == 0 ? 1.0 : 2.0) / terms;
+    }
+    std::array<double, terms> before{}, current{};
+    before[0] = 1; // T_0
+    current[1] = 1;
+    for (int i = 0; i < terms; ++i) monomial[i] = chebyshev[0] * before[i] + chebyshev[1] * current[i];
+    for (int n = 2; n < terms; ++n) {
+      std::array<double, terms> next{};
+      for (int i = 0; i + 1 < terms; ++i) next[i + 1] = 2 * current[i];
+      for (int i = 0; i < terms; ++i) next[i] -= before[i];
+      for (int i = 0; i < terms; ++i) monomial[i] += chebyshev[n] * next[i];
+      before = current;
+      current = next;
+    }
+    coefficients.insert(coefficients.end(), monomial.begin(), monomial.end());
+  }
+  return coefficients;
+}
+
+/// Fourier transform of that kernel at xi.
+double tap_transform(double xi) {
+  const double y = std::sqrt(beta * beta - 0.25 * taps * taps * xi * xi);
+  return taps / std::cyl_bessel_i(0.0, beta) * std::sinh(y) / y;
+}
+
+/// The sign and transform that spreading puts on modes -modes..modes.
+std::vector<double> mode_corrections(int modes, int points) {
+  std::vector<double> corrections;
+  for (int m = -modes; m <= modes; ++m)
+    corrections.push_back((m % 2 == 0 ? 1 : -1) / tap_transform(2 * pi * m / points));
+  return corrections;
+}
+
+/// The next even number whose prime factors are 2, 3 and 5.
+int quick_size(double at_least) {
+  for (int n = std::max(2 * static_cast<int>(std::ceil(at_least / 2)), 16);; n += 2) {
+    int rest = n;
+    for (const int factor : {2, 3, 5})
+      while (rest % factor == 0) rest /= factor;
+    if (rest == 1) return n;
+  }
+}
+
+/// FFTW plans in place over [y][x][8], real parts before imaginary ones.
+class Transform {
+public:
+  Transform(int nx, int ny, double* data) : data_(data) {
+    const fftw_iodim64 dimensions[] = {{ny, 8 * nx, 8 * nx}, {nx, 8, 8}}, four[] = {{4, 1, 1}};
+    const std::lock_guard lock(fftw_planner());
+    plan_ = fftw_plan_guru64_split_dft(2, dimensions, 1, four, data, data + 4, data, data + 4, FFTW_ESTIMATE);
+    if (plan_ == nullptr)
+      throw RunError("FFTW found no plan for " + std::to_string(nx) + " x " + std::to_string(ny));
+  }
+  ~Transform() {
+    const std::lock_guard lock(fftw_planner());
+    fftw_destroy_plan(plan_);
+  }
+  Transform(const Transform&) = delete;
+  Transform& operator=(const Transform&) = delete;
+  void run() { fftw_execute_split_dft(plan_, data_, data_ + 4, data_, data_ + 4); }
+
+private:
+  double* data_;
+  fftw_plan plan_;
+};
+
+/// Everything that is known of a window before its rays are traced.
+struct WindowPlan {
+  Window window;
+  std::vector<Cell> cells;
+  std::vector<Target> targets;
+};
+
+WindowPlan plan_window(
+    const CoarseRays& coarse, int order, double ka, std::vector<Target> targets, const Layout& layout,
+    Columns columns, const Vector& centre, int outline_terms) {
+  WindowPlan made;
+  made.targets = std::move(targets);
+  Window& w = made.window;
+  w.r0 = centre;
+  w.order = order;
+  w.outline_terms = outline_terms;
+  // Axes along theta and phi; at a pole any will do.
+  const double sine = std::hypot(centre[0], centre[1]);
+  const double c = sine > 0 ? centre[0] / sine : 1, s = sine > 0 ? centre[1] / sine : 0;
+  w.e1 = {centre[2] * c, centre[2] * s, -sine};
+  w.e2 = cross(w.r0, w.e1);
+  std::array<double, 2> half{1e-4, 1e-4};
+  for (const Target& target : made.targets) {
+    const Vector r = direction(layout.theta_deg[target.row], layout.phi_deg[columns.first + target.column]);
+    half[0] = std::max(half[0], std::abs(inner(r, w.e1)));
+    half[1] = std::max(half[1], std::abs(inner(r, w.e2)));
+  }
+  const double fresnel = std::sqrt(2 / ka);
+  for (int axis = 0; axis < 2; ++axis) {
+    w.inner[axis] = half[axis] + taper_begin * fresnel;
+    w.outer[axis] = half[axis] + taper_end * fresnel;
+  }
+  // Cells of rays that may leave within the taper.
+  std::vector<const CoarseRays::Node*> corners;
+  const auto plane_point = [&](const CoarseRays::Node& n, double distance) {
+    return along(n.point, (distance - inner(n.point, w.r0)) / inner(n.direction, w.r0), n.direction);
+  };
+  for (int a = 0; a < CoarseRays::alphas; ++a)
+    for (int j = 0; j < CoarseRays::azimuths; ++j) {
+      const CoarseRays::Node* nodes[] = {
+          &coarse.node(order, a, j), &coarse.node(order, a + 1, j), &coarse.node(order, a, j + 1),
+          &coarse.node(order, a + 1, j + 1)};
+      Vector mean{};
+      int valid = 0;
+      for (const auto* node : nodes)
+        if (node->valid) {
+          mean = along(mean, 1, node->direction);
+          ++valid;
+        }
+      if (valid == 0) continue;
+      const double length = norm(mean);
+      for (double& x : mean) x /= std::max(length, 1e-9);
+      double radius = 0;
+      for (const auto* node : nodes)
+        if (node->valid) radius = std::max(radius, norm(along(node->direction, -1, mean)));
+      radius *= 1.5;
+      if (std::abs(inner(mean, w.e1)) > w.outer[0] + radius ||
+          std::abs(inner(mean, w.e2)) > w.outer[1] + radius || inner(mean, w.r0) < 0.2 - radius)
+        continue;
+      made.cells.push_back({a, j});
+      for (const auto* node : nodes)
+        if (node->valid && inner(node->direction, w.r0) > 0.15) corners.push_back(node);
+    }
+  if (made.cells.empty() || corners.empty()) {
+    made.cells.clear();
+    return made;
+  }
+  // The plane where tubes of rays are farthest from their foci; through the origin if that is far enough.
+  const auto clearance = [&](double distance) {
+    double least = 1;
+    for (const auto* n : corners) {
+      const double w1 = smooth_step(std::abs(inner(n->direction, w.e1)), w.inner[0], w.outer[0]);
+      const double w2 = smooth_step(std::abs(inner(n->direction, w.e2)), w.inner[1], w.outer[1]);
+      if (w1 * w2 < 0.1) continue;
+      const double flight = (distance - inner(n->point, w.r0)) / inner(n->direction, w.r0);
+      const double tube = n->at0 + flight * (n->at1 + flight * n->at2);
+      least = std::min(least, std::abs(tube) / (std::abs(n->at0) + std::abs(n->at1) + std::abs(n->at2)));
+    }
+    return least;
+  };
+  double best = clearance(0);
+  if (best < 0.02)
+    for (const double distance : {0.5, -0.5, 1.0, -1.0, 2.0, -2.0})
+      if (const double here = clearance(distance); here > 1.5 * best) {
+        best = here;
+        w.distance = distance;
+      }
+  // Extent on the plane, and how far apart neighbouring rays may be there.
+  std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
+  for (const auto* n : corners) {
+    const Vector X = plane_point(*n, w.distance);
+    const double at[] = {inner(X, w.e1), inner(X, w.e2)};
+    for (int axis = 0; axis < 2; ++axis) {
+      low[axis] = std::min(low[axis], at[axis]);
+      high[axis] = std::max(high[axis], at[axis]);
+    }
+  }
+  double step_alpha = 0, step_psi = 0;
+  for (const Cell& cell : made.cells) {
+    const auto& n00 = coarse.node(order, cell.alpha, cell.azimuth);
+    const auto& n10 = coarse.node(order, cell.alpha + 1, cell.azimuth);
+    const auto& n01 = coarse.node(order, cell.alpha, cell.azimuth + 1);
+    const auto& n11 = coarse.node(order, cell.alpha + 1, cell.azimuth + 1);
+    // Two ends of a side: the phase k (d - r) . dX between them.
+    const auto side = [&](const CoarseRays::Node& a, const CoarseRays::Node& b) {
+      if (!a.valid || !b.valid || inner(a.direction, w.r0) < 0.15 || inner(b.direction, w.r0) < 0.15)
+        return 0.0;
+      const Vector dX = along(plane_point(b, w.distance), -1, plane_point(a, w.distance));
+      return std::abs(inner(dX, w.e1)) * (half[0] + w.outer[0]) +
+             std::abs(inner(dX, w.e2)) * (half[1] + w.outer[1]);
+    };
+    step_alpha = std::max({step_alpha, side(n00, n10), side(n01, n11)});
+    step_psi = std::max({step_psi, side(n00, n01), side(n10, n11)});
+  }
+  w.alphas = std::max(2, static_cast<int>(std::ceil(ka * step_alpha / (pi * phase_step))));
+  w.azimuths = std::max(2, static_cast<int>(std::ceil(ka * step_psi / (pi * phase_step))));
+  w.alpha_step = 0.5 * pi / CoarseRays::alphas / w.alphas;
+  w.psi_step = 2 * pi / CoarseRays::azimuths / w.azimuths;
+  w.beta = beta;
+  for (int axis = 0; axis < 2; ++axis) {
+    w.centre[axis] = 0.5 * (low[axis] + high[axis]);
+    const double reach = 0.5 * (high[axis] - low[axis]) * 1.1 + 0.02;
+    // Modes lie so close that the plane's extent is 1 / oversampling of their period.
+    const double mode = pi / (oversampling * ka * reach);
+    w.xi_per_length[axis] = ka * mode;
+    w.modes_per_cosine[axis] = 1 / mode;
+    w.modes[axis] = static_cast<int>(half[axis] / mode) + taps;
+    w.points[axis] = quick_size(2 * oversampling * w.modes[axis]);
+    w.points_per_xi[axis] = w.points[axis] / (2 * pi);
+  }
+  return made;
+}
+
+/// Directions with a share, sorted into windows.
+std::vector<WindowPlan> plan_windows(
+    const CoarseRays& coarse, int order, double ka, const IntegralShare& share, const Layout& layout,
+    Columns columns, int outline_terms) {
+  const int rows = static_cast<int>(layout.theta_deg.size());
+  std::map<std::pair<int, int>, std::vector<Target>> groups;
+  for (int column = 0; column < columns.count(); ++column)
+    for (int row = 0; row < rows; ++row) {
+      const float weight = share[static_cast<std::size_t>(column) * rows + row];
+      if (weight == 0) continue;
+      const double theta = layout.theta_deg[row], phi = layout.phi_deg[columns.first + column];
+      int band = 0, sector = 0;
+      if (theta < polar_cap_deg)
+        band = -1;
+      else if (theta > 180 - polar_cap_deg)
+        band = 1000;
+      else {
+        band = static_cast<int>(theta / window_deg);
+        const double wide = window_deg / sin_deg(std::clamp((band + 0.5) * window_deg, 10.0, 170.0));
+        sector = static_cast<int>(std::floor(phi / wide));
+      }
+      groups[{band, sector}].push_back({column, row, weight});
+    }
+  std::vector<WindowPlan> plans;
+  for (auto& [key, targets] : groups) {
+    Vector centre{};
+    if (key.first < 0 || key.first == 1000) {
+      centre = {0, 0, key.first < 0 ? 1.0 : -1.0};
+    } else {
+      std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
+      for (const Target& t : targets) {
+        const double at[] = {layout.theta_deg[t.row], layout.phi_deg[columns.first + t.column]};
+        for (int axis = 0; axis < 2; ++axis) {
+          low[axis] = std::min(low[axis], at[axis]);
+          high[axis] = std::max(high[axis], at[axis]);
+        }
+      }
+      centre = direction(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]));
+    }
+    WindowPlan plan =
+        plan_window(coarse, order, ka, std::move(targets), layout, columns, centre, outline_terms);
+    if (!plan.cells.empty()) plans.push_back(std::move(plan));
+  }
+  return plans;
+}
+
+} // namespace
+
+void add_integral(
+    RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const IntegralShare& share,
+    const Layout& layout, Columns columns, const DirectionBuffers& directions, cl::Buffer& sums) {
+  if (share.empty()) return;
+  OpenCL& opencl = rays.cl();
+  const std::vector<double> outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
+  const Job job = rays.make_job(light, 2, order);
+  const double ka = pi * job.wave;
+  const auto plans =
+      plan_windows(coarse, order, ka, share, layout, columns, static_cast<int>(outline.size()));
+  if (plans.empty()) return;
+  const std::string_view sources[] = {
+      embedded::kernel_mueller, embedded::kernel_tile, embedded::kernel_kirchhoff};
+  cl::Program& program = rays.build(light, sources, true);
+  const cl::Buffer job_data = rays.job_buffer(job), outline_data = opencl.upload(outline);
+  static const std::vector<double> polynomials = tap_polynomials();
+  const cl::Buffer taps_data = opencl.upload(polynomials);
+  const int rows = static_cast<int>(layout.theta_deg.size());
+  const double spread_norm = 2 * std::cyl_bessel_i(0.0, beta) / taps;
+  const double scale = 0.5 * job.wave * spread_norm * spread_norm;
+
+  const auto work = [&](std::size_t lane, const WindowPlan& plan, bool only_compile) {
+    const Window& w = plan.window;
+    cl::CommandQueue& queue = opencl.lane(lane);
+    const std::size_t size = 8 * static_cast<std::size_t>(w.points[0]) * w.points[1];
+    const cl::Buffer window_data = opencl.upload(std::span<const Window>(&w, 1));
+    const cl::Buffer cell_data = opencl.upload(plan.cells), target_data = opencl.upload(plan.targets);
+    const cl::Buffer corrections_x = opencl.upload(mode_corrections(w.modes[0], w.points[0]));
+    const cl::Buffer corrections_y = opencl.upload(mode_corrections(w.modes[1], w.points[1]));
+    std::vector<double> grid(only_compile ? 8 : size);
+    std::vector<int> lost{0};
+    const cl::Buffer lost_data(
+        opencl.context, CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR, sizeof(int), lost.data());
+    const cl::Buffer grid_data(
+        opencl.context, CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR, grid.size() * sizeof(double), grid.data());
+    const int cells = only_compile ? 0 : static_cast<int>(plan.cells.size());
+    const int targets = only_compile ? 0 : static_cast<int>(plan.targets.size());
+    queue.enqueueNDRangeKernel(
+        with_arguments(
+            cl::Kernel(program, "spread_rays"), rays.surface_buffer, job_data, window_data, outline_data,
+            taps_data, cell_data, cells, grid_data, lost_data),
+        cl::NullRange, cl::NDRange(1), cl::NDRange(1));
+    if (!only_compile) {
+      auto* mapped = static_cast<double*>(
+          queue.enqueueMapBuffer(grid_data, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size * sizeof(double)));
+      Transform(w.points[0], w.points[1], mapped).run();
+      queue.enqueueUnmapMemObject(grid_data, mapped);
+    }
+    queue.enqueueNDRangeKernel(
+        with_arguments(
+            cl::Kernel(program, "gather_directions"), job_data, window_data, grid_data, corrections_x,
+            corrections_y, taps_data, target_data, 0, targets, directions.sin_theta, directions.cos_theta,
+            directions.cos_phi, directions.sin_phi, rows, scale, sums),
+        cl::NullRange, cl::NDRange(1), cl::NDRange(1));
+    queue.enqueueReadBuffer(lost_data, CL_TRUE, 0, sizeof(int), lost.data());
+    queue.finish();
+    if (lost[0] != 0)
+      throw RunError(
+          "diffraction integral: " + std::to_string(lost[0]) + " rays of order " + std::to_string(order) +
+          " fell outside their window's plane");
+  };
+  // Kernels are compiled at their first launch, which must not happen on several queues at once.
+  work(0, plans.front(), true);
+  std::atomic<std::size_t> next = 0;
+  std::exception_ptr failure;
+  std::mutex failing;
+  const auto run = [&](std::size_t lane) {
+    try {
+      for (std::size_t i = next++; i < plans.size(); i = next++) work(lane, plans[i], false);
+    } catch (...) {
+      const std::lock_guard lock(failing);
+      failure = std::current_exception();
+      next = plans.size();
+    }
+  };
+  const std::size_t workers = std::min<std::size_t>(rays.device.info().compute_units, plans.size());
+  std::vector<std::thread> threads;
+  for (std::size_t lane = 1; lane < workers; ++lane) threads.emplace_back(run, lane);
+  run(0);
+  for (std::thread& thread : threads) thread.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+} // namespace scatter::wavefront
