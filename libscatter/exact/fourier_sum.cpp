@@ -78,7 +78,7 @@ constexpr std::size_t at_once = lanes * rows;
 /// Real transforms of one length.
 class Transform {
 public:
-  explicit Transform(std::size_t size) : size_(size) {
+  explicit Transform(std::size_t size) {
     const Memory memory(size);
     const std::lock_guard lock(fftw_planner());
     // No measuring: the same plan, and so the same bits, every time.
@@ -115,7 +115,6 @@ public:
   void run(const Memory& memory) const { fftw_execute_dft_r2c(plan_, memory.in, memory.out); }
 
 private:
-  std::size_t size_;
   fftw_plan plan_ = nullptr;
 };
 
