@@ -247,8 +247,10 @@ public:
   }
   [[nodiscard]] const ExtendedWaves& exact() const { return exact_; }
   [[nodiscard]] PartialWaves take_rounded() { return std::move(rounded_); }
-  /// Relative to the largest partial sum, where the sum alone has `rounding`.
-  [[nodiscard]] double error(double rounding) const { return sum_factor_ * rounding + relative_error_; }
+  /// Absolute, for a largest partial sum of `size`, where the sum alone has `rounding`.
+  [[nodiscard]] double error(double size, double rounding) const {
+    return sum_factor_ * rounding + relative_error_ * size;
+  }
 
 private:
   ExtendedWaves exact_;
@@ -268,16 +270,15 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
   for (auto& set : sets) rounded.push_back(set.take_rounded());
   auto sums = sum_partial_waves(rounded, angles, threads);
   const std::size_t count = rounded[0].count();
-  const double coarse = sum_rounding(count),
-               fine = extended_epsilon * (12 + 8 * std::sqrt(static_cast<double>(count)));
+  const double fine = extended_epsilon * (12 + 8 * std::sqrt(static_cast<double>(count)));
 
   std::vector<DebyeTerm> terms(sets.size());
   const auto scale = [&](std::size_t set, std::size_t i) {
     return std::max(larger(terms[set], i), whole ? floor_of_whole * larger(*whole, i) : 0);
   };
+  const auto size = [&](std::size_t set, std::size_t i) { return std::sqrt(sums[set].largest_partial[i]); };
   const auto estimate = [&](std::size_t set, std::size_t i, double rounding) {
-    const double size = std::sqrt(sums[set].largest_partial[i]);
-    return size > 0 ? sets[set].error(rounding) * size / scale(set, i) : 0;
+    return size(set, i) > 0 ? sets[set].error(size(set, i), rounding) / scale(set, i) : 0;
   };
   std::vector<bool> unsure(angles.size());
   std::vector<std::vector<bool>> unsure_of(sets.size(), unsure);
@@ -286,7 +287,7 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
     terms[set].S2 = std::move(sums[set].S2);
     for (std::size_t i = 0; i < angles.size(); ++i)
       // "Not surely below": a term that is zero to the last bit is unsure too.
-      if (!(estimate(set, i, coarse) <= sure)) unsure[i] = unsure_of[set][i] = true;
+      if (!(estimate(set, i, sums[set].rounding[i]) <= sure)) unsure[i] = unsure_of[set][i] = true;
   }
   std::vector<Angle> again;
   std::vector<std::size_t> place;
@@ -306,8 +307,8 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
       }
     terms[set].error_estimate = 8 * epsilon;
     for (std::size_t i = 0; i < angles.size(); ++i) {
-      const double error =
-          unsure_of[set][i] ? 4 * epsilon + estimate(set, i, fine) : estimate(set, i, coarse);
+      const double error = unsure_of[set][i] ? 4 * epsilon + estimate(set, i, fine * size(set, i))
+                                             : estimate(set, i, sums[set].rounding[i]);
       terms[set].error_estimate = std::max(terms[set].error_estimate, error);
     }
   }

@@ -47,6 +47,12 @@ std::vector<Complex> riccati_ratios(Complex z, std::size_t count) {
   return ratios;
 }
 
+/// |a| to the digits that error estimates need: a long double's root takes several times as long.
+double modulus(Complex a) {
+  const auto re = static_cast<double>(a.re), im = static_cast<double>(a.im);
+  return std::sqrt(re * re + im * im);
+}
+
 /// All that does not depend on the angle.
 struct Coefficients {
   PartialWaves waves;
@@ -60,13 +66,16 @@ Coefficients coefficients(real x, Complex m) {
   const Complex z = x * m;
   const auto inside = riccati_ratios(z, count + 1);
   const Complex inverse_z = inverse(z);
-  const real z_size = abs(z), walk = std::sqrt(static_cast<real>(count));
+  const double z_size = modulus(z), walk = std::sqrt(static_cast<double>(count));
   const Complex inverse_m = inverse(m);
+  const double m_size = modulus(m), inverse_m_size = modulus(inverse_m);
   // 1/m^2 - 1 without the difference.
   const Complex contrast = Complex{1 - m.re, -m.im} * Complex{1 + m.re, m.im} * inverse_m * inverse_m;
 
   Coefficients result;
-  real sca = 0, abs_sum = 0, asymmetry = 0, largest = 0, worst = 0;
+  result.waves.reserve(count);
+  real sca = 0, abs_sum = 0, asymmetry = 0;
+  double largest = 0, worst = 0;
   Complex back, previous_a, previous_b;
   const real cosine = std::cos(x), sine = std::sin(x);
   real chi_before = cosine, chi = cosine / x + sine; // chi_{n-1}, chi_n
@@ -83,34 +92,37 @@ Coefficients coefficients(real x, Complex m) {
     // The relative rounding that rho(mx) has picked up: its argument's, as a shift along rho' = 1 + rho^2 -
     // (2n+2) rho / z, and a random walk of the recurrence's steps.
     const Complex slope = Complex{1, 0} + rho * rho - (2 * n + 2) * rho * inverse_z;
-    const real rho_error = 2 * abs(rho) + abs(slope) * (z_size / 2 + walk);
+    const double rho_error = 2 * modulus(rho) + modulus(slope) * (z_size / 2 + walk);
     // The same walk of psi and chi: against their common amplitude where they oscillate, their own beyond.
     const auto walked = [&](real value, real other) {
-      return walk * (n < x ? std::sqrt(value * value + other * other) : std::abs(value));
+      return walk * (n < x ? modulus({value, other}) : std::abs(static_cast<double>(value)));
     };
     const real psi_next = psi * rho_x;
-    const real psi_error = walked(psi, chi), chi_error = walked(chi, psi);
-    const real psi_next_error = walked(psi_next, chi_next), chi_next_error = walked(chi_next, psi_next);
-    const auto coefficient = [&](Complex R, real rho_factor) {
+    const double psi_error = walked(psi, chi), chi_error = walked(chi, psi);
+    const double psi_next_error = walked(psi_next, chi_next), chi_next_error = walked(chi_next, psi_next);
+    const auto coefficient = [&](Complex R, double rho_factor) {
       const Complex N = psi * (R + Complex{rho_x, 0});
       const Complex M = chi * R + Complex{chi_next, 0};
       const Complex denominator = {N.re + M.im, N.im - M.re}; // N - i M
-      const real size = norm(denominator);
+      const real inverse_size = 1 / norm(denominator);
       // Im(N conj M) = Im R (Wronskian 1), so that Re a = (|N|^2 - Im R) / |N - i M|^2 is a sum of positive
       // terms.
       const real absorbed = std::max<real>(-R.im, 0);
       const Complex value = {
-          (norm(N) + absorbed) / size, (N.im * denominator.re - N.re * denominator.im) / size};
-      sca += (2 * n + 1) * norm(N) / size;
-      abs_sum += (2 * n + 1) * absorbed / size;
+          (norm(N) + absorbed) * inverse_size,
+          (N.im * denominator.re - N.re * denominator.im) * inverse_size};
+      sca += (2 * n + 1) * norm(N) * inverse_size;
+      abs_sum += (2 * n + 1) * absorbed * inverse_size;
       // First-order effects on N / (N - i M): of R (the Wronskian makes it one term), and of psi and chi.
-      const real R_error = 2 * abs(R) + rho_factor * rho_error;
-      const real N_error = psi_error * abs(R) + psi_next_error, M_error = chi_error * abs(R) + chi_next_error;
-      largest = std::max(largest, abs(value));
-      worst = std::max(worst, (R_error + abs(M) * N_error + abs(N) * M_error) / size);
+      const double R_size = modulus(R), R_error = 2 * R_size + rho_factor * rho_error;
+      const double N_error = psi_error * R_size + psi_next_error,
+                   M_error = chi_error * R_size + chi_next_error;
+      largest = std::max(largest, modulus(value));
+      worst = std::max(
+          worst, (R_error + modulus(M) * N_error + modulus(N) * M_error) * static_cast<double>(inverse_size));
       return value;
     };
-    const Complex a = coefficient(R_a, abs(inverse_m)), b = coefficient(R_b, abs(m));
+    const Complex a = coefficient(R_a, inverse_m_size), b = coefficient(R_b, m_size);
 
     const real weight = (2 * n + 1) / (n * (n + 1));
     const Complex sum = weight / 2 * (a + b), difference = weight / 2 * (a - b);
@@ -132,7 +144,7 @@ Coefficients coefficients(real x, Complex m) {
   result.Qext = static_cast<double>(scale * (sca + abs_sum));
   result.Qback = static_cast<double>(norm(back) / (x * x));
   result.g = static_cast<double>(2 * asymmetry / sca);
-  result.relative_error = static_cast<double>(real_epsilon / 2 * worst / largest);
+  result.relative_error = static_cast<double>(real_epsilon) / 2 * worst / largest;
   return result;
 }
 
@@ -156,15 +168,13 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
   // Qabs follows the squared width of a resonance: twice the coefficient's error, and once more for the width
   // itself.
   result.error_estimate = 8 * epsilon + (m.imag() > 0 ? 4 : 1) * c.relative_error;
-  // The sum's roundings walk at random, the coefficients' may all go one way.
-  const double rounding = sum_rounding(c.waves.count()) + c.relative_error;
   for (std::size_t i = 0; i < angles.size(); ++i) {
     const double first = std::norm(result.S1[i]), second = std::norm(result.S2[i]);
     result.phase_function.push_back((first + second) / (2 * std::numbers::pi * x * x * c.Qsca));
     // A grid's angle stands for its decimal; the estimate holds for the double as given, too.
     const double turn = std::abs(angles[i].theta_rest) * (std::numbers::pi / 180) * x;
-    const double error = (rounding + turn) * std::sqrt(sums.largest_partial[i] / std::max(first, second));
-    result.error_estimate = std::max(result.error_estimate, error);
+    const double error = sums.rounding[i] + (c.relative_error + turn) * std::sqrt(sums.largest_partial[i]);
+    result.error_estimate = std::max(result.error_estimate, error / std::sqrt(std::max(first, second)));
   }
   return result;
 }

@@ -43,6 +43,12 @@ mie(double size_parameter, std::complex<double> index, std::span<const double> t
 /// The same for angles in degrees, [0, 180], which count as exact in degrees; but if all of them make an even
 /// grid of decimals with up to six places, such as 0:180:0.1 and in any order, they count as those decimals
 /// instead of their doubles. The estimate covers both.
+///
+/// Such a grid, if it has angles enough, is summed by FFTs over the circle: 14401 angles at x = 5e4 cost a
+/// fifth of what they cost one by one, with errors of 1e-15 .. 1e-13 of max(|S1|, |S2|), 1e-11 for m
+/// = 1.0001. Whether it is depends on x and the grid alone, by a model of the costs. Results then depend on
+/// the grid, too: two grids, or a grid and a single angle, agree at a common angle within the estimates
+/// instead of bit for bit. Threads and order still change nothing.
 [[nodiscard]] MieResult mie_at_degrees(
     double size_parameter, std::complex<double> index, std::span<const double> theta_deg, int threads = 0);
 

@@ -1,6 +1,7 @@
 // Angles beyond 90 deg are mirrored, and an angle is summed together with its mirror image. See
-// partial_wave_kernel.hpp for the sums themselves; here they are prepared and shared out.
+// partial_wave_kernel.hpp and fourier_sum.cpp for the sums themselves; here they are prepared and shared out.
 
+#include <scatter/exact/fourier_sum.hpp>
 #include <scatter/exact/partial_wave_kernel.hpp>
 #include <scatter/exact/partial_waves.hpp>
 #include <scatter/optics/errors.hpp>
@@ -14,6 +15,7 @@
 #include <mutex>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <sstream>
 #include <system_error>
 #include <thread>
@@ -298,9 +300,9 @@ std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
     }
   std::vector<Angle> folded;
   folded.reserve(angles.size());
-  const auto add = [&](std::size_t i, bool backward, long double half_sine, long double rest) {
+  const auto add = [&](std::size_t i, bool backward, long double half_sine, double rest, std::int64_t place) {
     const auto [t, t_rest] = from_half_sine(half_sine);
-    folded.push_back({t, t_rest, backward, angles[i], static_cast<double>(rest), unit});
+    folded.push_back({t, t_rest, backward, angles[i], rest, unit, place});
   };
   if (const DecimalGrid grid = degrees ? decimal_grid(angles) : DecimalGrid{}; !grid.places.empty()) {
     const auto units = static_cast<std::size_t>(right_angle / grid.unit);
@@ -312,12 +314,13 @@ std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
       const std::int64_t place = grid.places[i];
       const bool backward = place > right_angle;
       const std::int64_t forward = backward ? 2 * right_angle - place : place;
-      const long double rest = static_cast<long double>(place) / static_cast<long double>(per_degree) -
-                               static_cast<long double>(angles[i]);
+      // Exactly: each 1e-18 deg turns a partial wave of n = 5e4 by 1e-15.
+      const double scaled = angles[i] * per_degree, scaled_rest = std::fma(angles[i], per_degree, -scaled);
+      const double rest = ((static_cast<double>(place) - scaled) - scaled_rest) / per_degree;
       add(i, backward,
           tables ? half_sine(static_cast<std::size_t>(forward / grid.unit))
                  : std::sin(static_cast<long double>(forward) * radians / 2),
-          rest);
+          rest, place);
     }
     return folded;
   }
@@ -326,7 +329,7 @@ std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
     const bool backward = angles[i] > half_turn / 2;
     const long double theta =
         degrees ? (backward ? 180 - given : given) * (pi / 180) : (backward ? pi - given : given);
-    add(i, backward, std::sin(std::max<long double>(theta, 0) / 2), 0);
+    add(i, backward, std::sin(std::max<long double>(theta, 0) / 2), 0, -1);
   }
   return folded;
 }
@@ -345,14 +348,32 @@ std::vector<std::vector<std::size_t>> blocks_of_one_half(std::span<const Angle> 
   return blocks;
 }
 
-std::vector<AngleSums> sum_partial_waves(
-    std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads, const VectorUnit& unit) {
-  std::vector<AngleSums> sums(sets.size());
+namespace {
+
+std::vector<AngleSums> empty_sums(std::size_t sets, std::size_t angles) {
+  std::vector<AngleSums> sums(sets);
   for (auto& sum : sums) {
-    sum.S1.resize(angles.size());
-    sum.S2.resize(angles.size());
-    sum.largest_partial.resize(angles.size());
+    sum.S1.resize(angles);
+    sum.S2.resize(angles);
+    sum.largest_partial.resize(angles);
+    sum.rounding.resize(angles);
   }
+  return sums;
+}
+
+/// Square of what partial sums come to at an angle: n^2 pi_n^2 sin(theta)^2 and tau_n^2 are n^3 / (pi
+/// sin(theta)) on average, and partial sums come to about half the root of the sum of all squares.
+double typical_partial(double size, double sine) {
+  return size * 0.5 / (sine * std::numbers::pi);
+}
+
+double sine_of(const Angle& angle) {
+  return std::sqrt(angle.t * (2 - angle.t));
+}
+
+std::vector<AngleSums> sum_directly(
+    std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads, const VectorUnit& unit) {
+  auto sums = empty_sums(sets.size(), angles.size());
   if (sets.empty() || angles.empty()) return sums;
 
   const auto order = sorted_by_t(angles);
@@ -402,7 +423,7 @@ std::vector<AngleSums> sum_partial_waves(
   }
   std::vector<double> sizes;
   for (const auto& set : sets) sizes.push_back(size_of_coefficients(set));
-  const double one_rounding = epsilon / sum_rounding(sets[0].count());
+  const double rounding = sum_rounding(sets[0].count()), one_rounding = epsilon / rounding;
   for (std::size_t form = 0; form < 2; ++form)
     for (const auto& weight : weights[form]) weights_of[form].push_back(weight.data());
 
@@ -451,19 +472,141 @@ std::vector<AngleSums> sum_partial_waves(
           if (batch.form != Form::axis) {
             partial = 0;
             for (std::size_t c = 0; c < 4; ++c) partial += low[c] * low[c] + high[c] * high[c];
-            // n^2 pi_n^2 sin(theta)^2 and tau_n^2 are n^3 / (pi sin(theta)) on average, and partial sums come
-            // to about half the root of the sum of all squares. The weights of pi_n are differences of
-            // coefficients, which may be much larger: pi_n^2 is n / (pi sin(theta)^3), and 4 roundings.
-            const double sine = std::sqrt(point.t * (2 - point.t));
-            partial += sizes[set] * (0.5 / sine + 16 * one_rounding * one_rounding / (sine * sine * sine)) /
-                       std::numbers::pi;
+            // The weights of pi_n are differences of coefficients, which may be much larger: pi_n^2 is n /
+            // (pi sin(theta)^3), and 4 roundings.
+            const double sine = sine_of(angles[angle]), four = 4 * one_rounding;
+            partial += typical_partial(sizes[set], sine) +
+                       sizes[set] * four * four / (std::numbers::pi * sine * sine * sine);
           }
           sums[set].largest_partial[angle] = partial;
+          sums[set].rounding[angle] = rounding * std::sqrt(partial);
         }
       }
   };
   in_parallel(batches.size(), cost * static_cast<double>(count * sets.size()), threads, work);
   return sums;
+}
+
+/// Angles as multiples of 360 deg / steps.
+struct CircleGrid {
+  std::size_t steps = 0;
+  std::vector<std::size_t> places;
+};
+
+std::optional<CircleGrid> circle_grid(std::span<const Angle> angles) {
+  constexpr std::int64_t most_steps = 4'000'000;
+  std::int64_t unit = right_angle;
+  for (const Angle& angle : angles) {
+    if (angle.place < 0) return {};
+    if (angle.place % unit != 0) unit = std::gcd(unit, angle.place);
+  }
+  if (angles.empty() || 4 * right_angle / unit > most_steps) return {};
+  CircleGrid grid;
+  grid.steps = static_cast<std::size_t>(4 * right_angle / unit);
+  for (const Angle& angle : angles) grid.places.push_back(static_cast<std::size_t>(angle.place / unit));
+  return grid;
+}
+
+/// Cost [ns] of the direct sum of one set for angles with a sine below a limit, by the same measure as
+/// FourierSplit's.
+class DirectCost {
+public:
+  DirectCost(std::span<const Angle> angles, double terms) : terms_(terms) {
+    for (const std::size_t i : sorted_by_t(angles))
+      if (t_.empty() || angles[i].t != t_.back()) t_.push_back(angles[i].t);
+  }
+  [[nodiscard]] double below(double sine) const {
+    if (sine >= 1) return all();
+    const double t = sine * sine / (1 + std::sqrt(1 - sine * sine));
+    return of(static_cast<std::size_t>(std::lower_bound(t_.begin(), t_.end(), t) - t_.begin()));
+  }
+  [[nodiscard]] double all() const { return of(t_.size()); }
+
+private:
+  [[nodiscard]] double of(std::size_t points) const {
+    constexpr double term_cost = 0.33; // of an angle with its mirror image, if it has one
+    constexpr std::size_t batch = 48;
+    return term_cost * terms_ * static_cast<double>((points + batch - 1) / batch * batch);
+  }
+  std::vector<double> t_;
+  double terms_;
+};
+
+std::vector<AngleSums> sum_by_fourier(
+    std::span<const PartialWaves> sets, std::span<const Angle> angles, const CircleGrid& grid,
+    const FourierSplit& split, int threads, const VectorUnit& unit) {
+  auto sums = empty_sums(sets.size(), angles.size());
+  std::vector<bool> directly(angles.size());
+  std::size_t first = grid.steps, last = 0;
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    directly[i] = !(sine_of(angles[i]) >= split.smallest_sine);
+    if (directly[i]) continue;
+    first = std::min(first, grid.places[i]);
+    last = std::max(last, grid.places[i]);
+  }
+  // Sets do not disturb each other: one that is better off directly at an angle leaves the others as they
+  // are.
+  std::vector<std::vector<bool>> directly_of(sets.size(), directly);
+  if (first <= last) {
+    const auto found = fourier_sums(sets, split, first, last, threads);
+    const double rounding = sum_rounding(sets[0].count());
+    for (std::size_t set = 0; set < sets.size(); ++set) {
+      const double size = size_of_coefficients(sets[set]);
+      for (std::size_t i = 0; i < angles.size(); ++i) {
+        if (directly_of[set][i]) continue;
+        const std::size_t place = grid.places[i] - first;
+        AngleSums& sum = sums[set];
+        sum.S1[i] = found[set].S1[place];
+        sum.S2[i] = found[set].S2[place];
+        sum.rounding[i] = found[set].rounding[place];
+        sum.largest_partial[i] =
+            std::norm(sum.S1[i]) + std::norm(sum.S2[i]) + typical_partial(size, sine_of(angles[i]));
+        if (!(sum.rounding[i] <= rounding * std::sqrt(sum.largest_partial[i])))
+          directly[i] = directly_of[set][i] = true;
+      }
+    }
+  }
+  std::vector<Angle> rest;
+  std::vector<std::size_t> index;
+  for (std::size_t i = 0; i < angles.size(); ++i)
+    if (directly[i]) {
+      rest.push_back(angles[i]);
+      index.push_back(i);
+    }
+  const auto found = sum_directly(sets, rest, threads, unit);
+  for (std::size_t set = 0; set < sets.size(); ++set)
+    for (std::size_t i = 0; i < rest.size(); ++i) {
+      if (!directly_of[set][index[i]]) continue;
+      sums[set].S1[index[i]] = found[set].S1[i];
+      sums[set].S2[index[i]] = found[set].S2[i];
+      sums[set].largest_partial[index[i]] = found[set].largest_partial[i];
+      sums[set].rounding[index[i]] = found[set].rounding[i];
+    }
+  return sums;
+}
+
+} // namespace
+
+std::vector<AngleSums> sum_partial_waves(
+    std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads, const VectorUnit& unit,
+    SumMethod method) {
+  const bool asked = method == SumMethod::fourier;
+  if (method != SumMethod::direct && !sets.empty()) {
+    // By the costs of one set: what others there are changes no bits.
+    const std::size_t count = sets[0].count();
+    constexpr double worth_a_look = 3e6; // terms: half a millisecond
+    const bool look = asked || static_cast<double>(count) * static_cast<double>(angles.size()) > worth_a_look;
+    if (const auto grid = look ? circle_grid(angles) : std::nullopt) {
+      const DirectCost direct(angles, static_cast<double>(count));
+      const FourierSplit split =
+          cheapest_split(count, grid->steps, [&](double sine) { return direct.below(sine); });
+      if (asked || split.cost < 0.67 * direct.all())
+        return sum_by_fourier(sets, angles, *grid, split, threads, unit);
+    } else if (asked) {
+      throw InputError("the angles are no even grid of decimals with at most 4e6 steps of the circle");
+    }
+  }
+  return sum_directly(sets, angles, threads, unit);
 }
 
 double sum_rounding(std::size_t count) {

@@ -2,6 +2,7 @@
 
 #include <complex>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <span>
 #include <vector>
@@ -13,6 +14,8 @@ namespace scatter::exact {
 /// One set of coefficients.
 class PartialWaves {
 public:
+  /// Makes room for that many n.
+  void reserve(std::size_t count) { weights_.reserve(4 * count); }
   /// Appends the next n: plus and minus are (2n+1)/(n(n+1)) (a_n +- b_n) / 2.
   void add(std::complex<double> plus, std::complex<double> minus) {
     weights_.insert(weights_.end(), {plus.real(), plus.imag(), minus.real(), minus.imag()});
@@ -35,6 +38,8 @@ struct Angle {
   double theta = 0;         ///< as given; theta + theta_rest counts as exact in its unit
   double theta_rest = 0;
   AngleUnit unit = AngleUnit::radian;
+  /// Millionths of a degree, exactly, if the angle belongs to an even grid of decimals; otherwise -1.
+  std::int64_t place = -1;
 };
 
 /// Angles count as exact in their unit. Where all of them make an even grid in degrees, in any order, whose
@@ -52,6 +57,15 @@ blocks_of_one_half(std::span<const Angle> angles, std::size_t size);
 struct AngleSums {
   std::vector<std::complex<double>> S1, S2;
   std::vector<double> largest_partial; ///< max over the sum's course of (|S1|^2 + |S2|^2) / 2
+  std::vector<double> rounding;        ///< estimated error of the sum itself, absolute
+};
+
+/// How sums over partial waves are made: one by one, or for the whole circle by FFT (fourier_sum.hpp) where
+/// the angles are an even grid of decimals.
+enum class SumMethod {
+  cheapest, ///< by FFT where a model of the costs, which knows numbers alone, says that it saves a third
+  direct,
+  fourier ///< by FFT wherever possible: InputError if the angles are no grid of at most 4e6 steps
 };
 
 /// Instructions that the sums are compiled for.
@@ -64,13 +78,15 @@ struct VectorUnit {
 [[nodiscard]] std::span<const VectorUnit> vector_units();
 
 /// The amplitudes of several sets of coefficients, all of the same count, at the same angles. threads = 0:
-/// all cores. Each amplitude depends on its set, its angle and the vector unit alone, bit for bit. Angles
-/// that come with their mirror image pi - theta cost half.
+/// all cores. Angles that come with their mirror image pi - theta cost half. Summed directly, each amplitude
+/// depends on its set, its angle and the vector unit alone, bit for bit. By FFT it also depends on which
+/// angles there are (not on their order), within `rounding`; angles near the axis, and those where `rounding`
+/// would be worse than the direct sum's, are summed directly then, too.
 [[nodiscard]] std::vector<AngleSums> sum_partial_waves(
     std::span<const PartialWaves> sets, std::span<const Angle> angles, int threads,
-    const VectorUnit& unit = vector_units()[0]);
+    const VectorUnit& unit = vector_units()[0], SumMethod method = SumMethod::cheapest);
 
-/// Rounding of a sum over `count` partial waves, relative to the root of its largest_partial.
+/// Rounding of a direct sum over `count` partial waves, relative to the root of its largest_partial.
 [[nodiscard]] double sum_rounding(std::size_t count);
 
 /// Runs work(0) .. work(items - 1), in any order, on at most `threads` threads (0: all cores), fewer where

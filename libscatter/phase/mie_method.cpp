@@ -41,15 +41,19 @@ void run_mie(const Plan& plan, table::Sink& sink, const Progress& progress) {
     const double disc_radius = request.sun_disc_deg / 2 * radians_per_degree;
     const DiscRule disc(disc_radius > 0 ? std::max(16, static_cast<int>(std::ceil(3 * x * disc_radius))) : 1);
     const std::size_t nodes = disc_radius > 0 ? disc.offset.size() : 1;
-    std::vector<double> theta;
-    for (const double wanted : request.theta_deg)
+    std::vector<double> theta; // of the disc's nodes
+    for (const double wanted : request.theta_deg) {
+      if (disc_radius == 0) break;
       for (std::size_t node = 0; node < nodes; ++node) {
         // Past a pole the direction comes back on the other side; a sphere's table is the same there.
-        const double at =
-            std::abs(wanted * radians_per_degree + (disc_radius > 0 ? disc_radius * disc.offset[node] : 0));
+        const double at = std::abs(wanted * radians_per_degree + disc_radius * disc.offset[node]);
         theta.push_back(std::min(at > pi ? 2 * pi - at : at, pi));
       }
-    const exact::MieResult mie = exact::mie(x, plan.header.index[w], theta, request.threads);
+    }
+    // In degrees without a disc: even grids of those cost less.
+    const exact::MieResult mie =
+        disc_radius > 0 ? exact::mie(x, plan.header.index[w], theta, request.threads)
+                        : exact::mie_at_degrees(x, plan.header.index[w], request.theta_deg, request.threads);
 
     table::Slab slab;
     const double norm = 1 / (x * x * mie.Qsca * pi);
@@ -73,11 +77,10 @@ void run_mie(const Plan& plan, table::Sink& sink, const Progress& progress) {
     }
     if (request.amplitudes) {
       // Of the direction itself, not of the disc.
-      std::vector<double> directions;
-      for (const double wanted : request.theta_deg)
-        directions.push_back(std::min(wanted * radians_per_degree, pi));
-      const exact::MieResult here = exact::mie(x, plan.header.index[w], directions, request.threads);
-      for (std::size_t t = 0; t < directions.size(); ++t)
+      const exact::MieResult here =
+          disc_radius > 0 ? exact::mie_at_degrees(x, plan.header.index[w], request.theta_deg, request.threads)
+                          : mie;
+      for (std::size_t t = 0; t < request.theta_deg.size(); ++t)
         slab.amplitude.insert(
             slab.amplitude.end(), azimuths, table::Amplitude{here.S1[t], here.S2[t], 0.0, 0.0});
     }

@@ -1,4 +1,5 @@
 #include <scatter/optics/errors.hpp>
+#include <scatter/optics/fftw_planner.hpp>
 #include <scatter/optics/units.hpp>
 #include <scatter/wavefront/kirchhoff.hpp>
 
@@ -300,19 +301,18 @@ int quick_size(double at_least) {
   }
 }
 
-/// FFTW plans in place over [y][x][8], real parts before imaginary ones. Its planner serves one thread at a
-/// time.
+/// FFTW plans in place over [y][x][8], real parts before imaginary ones.
 class Transform {
 public:
   Transform(int nx, int ny, double* data) : data_(data) {
     const fftw_iodim64 dimensions[] = {{ny, 8 * nx, 8 * nx}, {nx, 8, 8}}, four[] = {{4, 1, 1}};
-    const std::lock_guard lock(planning());
+    const std::lock_guard lock(fftw_planner());
     plan_ = fftw_plan_guru64_split_dft(2, dimensions, 1, four, data, data + 4, data, data + 4, FFTW_ESTIMATE);
     if (plan_ == nullptr)
       throw RunError("FFTW found no plan for " + std::to_string(nx) + " x " + std::to_string(ny));
   }
   ~Transform() {
-    const std::lock_guard lock(planning());
+    const std::lock_guard lock(fftw_planner());
     fftw_destroy_plan(plan_);
   }
   Transform(const Transform&) = delete;
@@ -320,10 +320,6 @@ public:
   void run() { fftw_execute_split_dft(plan_, data_, data_ + 4, data_, data_ + 4); }
 
 private:
-  static std::mutex& planning() {
-    static std::mutex mutex;
-    return mutex;
-  }
   double* data_;
   fftw_plan plan_;
 };

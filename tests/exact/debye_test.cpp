@@ -282,6 +282,36 @@ TEST(Debye, ThreadsOrderAndCompanyChangeNothing) {
     }
 }
 
+TEST(Debye, EvenGridsAgreeWithSingleAngles) {
+  // The grid's sums are made by FFT; the steps are doubles as they are.
+  const double x = 2000;
+  std::vector<double> grid, others{1e-7};
+  for (int i = 0; i <= 5760; ++i) grid.push_back(i / 32.0);
+  for (int i = 7; i < 5760; i += 97) others.push_back(grid[static_cast<std::size_t>(i)]);
+  const std::vector<int> orders{0, 1, 2, 3, 30}, company{0, 2};
+  for (const complex m : {complex{1.333, 0}, {1.5, 1e-4}}) {
+    const auto whole = debye_at_degrees(x, m, orders, grid), few = debye_at_degrees(x, m, orders, others),
+               two = debye_at_degrees(x, m, company, grid);
+    const auto compare = [&](const DebyeTerm& term, const DebyeTerm& single, const char* name) {
+      EXPECT_LE(term.error_estimate, 1e-10) << name;
+      for (std::size_t i = 1; i < others.size(); ++i) {
+        const std::size_t at = 7 + 97 * (i - 1);
+        const double scale = std::max(
+            larger(term.S1[at], term.S2[at]), 1e-12 * larger(whole.whole.S1[at], whole.whole.S2[at]));
+        const double error = larger(term.S1[at] - single.S1[i], term.S2[at] - single.S2[i]) / scale;
+        EXPECT_LE(error, term.error_estimate + single.error_estimate) << name << ' ' << grid[at];
+      }
+    };
+    compare(whole.whole, few.whole, "whole");
+    EXPECT_NE(whole.whole.S1[7 + 97 * 20], few.whole.S1[21]) << "the grid was not summed by FFT";
+    compare(whole.partial_sum, few.partial_sum, "partial sum");
+    compare(whole.remainder, few.remainder, "remainder");
+    for (std::size_t k = 0; k < orders.size(); ++k) compare(whole.orders[k], few.orders[k], "order");
+    EXPECT_EQ(two.orders[1].S1, whole.orders[2].S1) << "company";
+    EXPECT_EQ(two.orders[1].S2, whole.orders[2].S2) << "company";
+  }
+}
+
 TEST(Debye, EveryCornerOfTheDomainIsFinite) {
   const std::vector<double> angles{0, 1e-3, 77, 180};
   const std::vector<int> orders{0, 1, 2, 1000};

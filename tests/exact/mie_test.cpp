@@ -80,6 +80,27 @@ TEST_P(MieTruth, Amplitudes) {
         result.error_estimate);
 }
 
+TEST_P(MieTruth, AmplitudesOnEvenGrids) {
+  // The same angles out of a grid that is summed by FFT where spheres are large: all but 0.001 and 179.999.
+  std::vector<double> grid;
+  for (int i = 0; i <= 14400; ++i) grid.push_back(i / 80.0);
+  std::vector<double> finer;
+  for (int i = 0; i <= 9000; ++i) finer.push_back(i / 50.0);
+  for (const auto& list : {grid, finer}) {
+    const auto whole = mie_at_degrees(exact["x"], as_complex(exact["m"]), list);
+    for (std::size_t i = 0; i < angles.size(); ++i) {
+      const auto found = std::lower_bound(list.begin(), list.end(), angles[i]);
+      if (found == list.end() || *found != angles[i]) continue;
+      const auto at = static_cast<std::size_t>(found - list.begin());
+      const complex S1 = as_complex(exact["S1"][i]), S2 = as_complex(exact["S2"][i]);
+      const double scale = std::max(std::abs(S1), std::abs(S2));
+      const double error = std::max(std::abs(whole.S1[at] - S1), std::abs(whole.S2[at] - S2)) / scale;
+      EXPECT_LE(error, whole.error_estimate) << "theta = " << angles[i];
+      EXPECT_LE(error, amplitude_limit()) << "theta = " << angles[i];
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Cases, MieTruth, testing::Range(std::size_t{0}, truth().size()), [](const auto& test) {
       std::string name = truth()[test.param]["name"];
@@ -234,6 +255,34 @@ TEST(Mie, ThreadsAndOrderChangeNothing) {
       const auto alone = mie(x, m, {&theta[i], 1});
       EXPECT_EQ(alone.S1[0], one.S1[i]) << "an angle on its own";
       EXPECT_EQ(alone.S2[0], one.S2[i]);
+    }
+  }
+}
+
+TEST(Mie, EvenGridsAgreeWithSingleAngles) {
+  // Steps that are doubles as they are, so that an angle means the same in a grid and in any other list.
+  std::vector<double> grid, others;
+  for (int i = 0; i <= 11520; ++i) grid.push_back(i / 64.0);
+  std::mt19937 random(17);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  for (int sphere = 0; sphere < 40; ++sphere) {
+    const double x = std::pow(10.0, 1 + 3.699 * (sphere < 3 ? 1 : uniform(random)));
+    const double k = sphere % 3 == 0 ? 0 : std::pow(10.0, -9 + 8 * uniform(random));
+    const complex m{sphere % 5 == 4 ? 0.7 + 0.2 * uniform(random) : 1.1 + uniform(random), k};
+    const auto whole = mie_at_degrees(x, m, grid);
+    std::vector<std::size_t> places;
+    others = {1e-7}; // makes the list uneven
+    for (int i = 0; i < 100; ++i) {
+      places.push_back(random() % grid.size());
+      others.push_back(grid[places.back()]);
+    }
+    const auto single = mie_at_degrees(x, m, others);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const complex S1 = whole.S1[places[i]], S2 = whole.S2[places[i]];
+      const double scale = std::max(std::abs(S1), std::abs(S2));
+      const double error = std::max(std::abs(S1 - single.S1[i + 1]), std::abs(S2 - single.S2[i + 1])) / scale;
+      EXPECT_LE(error, whole.error_estimate + single.error_estimate) << x << m << grid[places[i]];
+      EXPECT_LE(error, x <= 5000 ? 2e-12 : 1e-11) << x << m << grid[places[i]];
     }
   }
 }

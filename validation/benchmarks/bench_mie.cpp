@@ -1,6 +1,10 @@
 // How fast Lorenz-Mie is, per angle and term (an angle's S1 and S2, one n), on each set of vector
 // instructions that the machine has, and as users call it.
 //
+// Sums by FFT, for grids that make even parts of the circle, count as if every angle were summed: their ns
+// per angle and term are equivalents, and stand beside the same direct sum. as_if_of_peak is the share of the
+// peak that a direct sum of mirror images would need for that.
+//
 // Every figure stands against one core's own peak, measured first with the widest vectors: fused
 // multiply-adds in double precision. Floating-point operations are counted as the sum needs them at least: an
 // angle takes 4 multiply-adds and 2 of the recurrence, one that comes with its mirror image half of that.
@@ -92,7 +96,8 @@ exact::PartialWaves some_waves(double x) {
   return waves;
 }
 
-/// Runs `work` as often as the benchmark wants and reports its fastest run.
+/// Runs `work` as often as the benchmark wants and reports its fastest run. flop_per_sum = 0: the sums were
+/// not made one by one, so that there are no operations to count.
 template <class Work>
 void time_best(benchmark::State& state, double sums, double flop_per_sum, Work work) {
   double best = std::numeric_limits<double>::infinity();
@@ -103,6 +108,10 @@ void time_best(benchmark::State& state, double sums, double flop_per_sum, Work w
   }
   state.counters["best_ms"] = 1e3 * best;
   state.counters["ns/angle/term"] = 1e9 * best / sums;
+  if (flop_per_sum == 0) {
+    state.counters["as_if_of_peak"] = sums * 6 / best / peak;
+    return;
+  }
   state.counters["GFLOP/s"] = 1e-9 * sums * flop_per_sum / best;
   state.counters["share_of_peak"] = sums * flop_per_sum / best / peak;
 }
@@ -116,14 +125,26 @@ void angle_sum(benchmark::State& state, const exact::VectorUnit& unit, double x,
   const auto angles = exact::fold_angles(theta, exact::AngleUnit::degree);
   const auto waves = some_waves(x);
   time_best(state, count * static_cast<double>(waves.count()), pairs ? 6 : 12, [&] {
-    benchmark::DoNotOptimize(exact::sum_partial_waves({&waves, 1}, angles, 1, unit));
+    benchmark::DoNotOptimize(
+        exact::sum_partial_waves({&waves, 1}, angles, 1, unit, exact::SumMethod::direct));
+  });
+}
+
+/// The same for a grid of the half circle, by FFT or directly, with the widest vectors.
+void grid_sum(benchmark::State& state, double x, int count, exact::SumMethod method) {
+  const auto angles = exact::fold_angles(grid(count), exact::AngleUnit::degree);
+  const auto waves = some_waves(x);
+  const double sums = count * static_cast<double>(waves.count());
+  time_best(state, sums, method == exact::SumMethod::direct ? 6 : 0, [&] {
+    benchmark::DoNotOptimize(
+        exact::sum_partial_waves({&waves, 1}, angles, 1, exact::vector_units()[0], method));
   });
 }
 
 /// What a user calls: coefficients, angles, sums and error estimate.
 void whole(benchmark::State& state, double x, int count, int threads) {
   const auto theta = grid(count);
-  time_best(state, count * (x + 9 * std::cbrt(x) + 12), 6, [&] {
+  time_best(state, count * (x + 9 * std::cbrt(x) + 12), 0, [&] {
     benchmark::DoNotOptimize(exact::mie_at_degrees(x, 1.333, theta, threads));
   });
 }
@@ -142,6 +163,17 @@ int main(int argc, char** argv) {
               angle_sum(state, unit, x, count, pairs);
             })
             ->Unit(benchmark::kMillisecond);
+  for (const auto& [x, count] :
+       {std::pair{1000.0, 14401}, {5000.0, 14401}, {50000.0, 1801}, {50000.0, 14401}})
+    for (const bool direct : {true, false})
+      benchmark::RegisterBenchmark(
+          ("grid_sum/" + std::string(direct ? "direct" : "fft") +
+           "/x:" + std::to_string(static_cast<int>(x)) + "/angles:" + std::to_string(count))
+              .c_str(),
+          [x = x, count = count, direct](benchmark::State& state) {
+            grid_sum(state, x, count, direct ? exact::SumMethod::direct : exact::SumMethod::fourier);
+          })
+          ->Unit(benchmark::kMillisecond);
   const auto add = [](double x, int count, int threads) {
     benchmark::RegisterBenchmark(
         ("mie/x:" + std::to_string(static_cast<int>(x)) + "/angles:" + std::to_string(count) +
