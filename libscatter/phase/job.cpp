@@ -165,6 +165,13 @@ Plan plan(const Request& request) {
     if (!request.interference) throw InputError("--method mie: --no-interference is for --method patches");
     if (request.per_order) throw InputError("--method mie: --per-order is for --method patches");
   }
+  if (made.method == Method::patches && request.diffraction == Diffraction::integral) {
+    if (!request.interference)
+      throw InputError("--diffraction integral: intensities cannot be integrated; drop --no-interference");
+    if (request.focal_lines != FocalLines::exact)
+      throw InputError(
+          "--diffraction integral: focal lines must be counted exactly; use --focal-lines exact");
+  }
   if (made.method == Method::patches && !request.interference && (request.amplitudes || request.per_order))
     throw InputError("--no-interference: intensities have no amplitude; drop --amplitudes and --per-order");
   made.header = make_header(request, made.method);

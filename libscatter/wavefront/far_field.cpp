@@ -69,7 +69,7 @@ struct Tracer::Implementation : RayProgram {
         embedded::kernel_mueller, embedded::kernel_tile, embedded::kernel_far_field};
     return build(
         light, sources, curvature(),
-        std::string(tracing.interference ? "" : " -DINTENSITIES") + (blended ? " -DBLENDED" : ""));
+        std::string(tracing.interference ? "" : " -DINTENSITIES") + (blended ? " -DBLENDED -DUNIFORM" : ""));
   }
 
   /// A wavelength on its way.

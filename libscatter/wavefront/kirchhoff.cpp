@@ -29,7 +29,7 @@ const double beta = pi * taps * (1 - 1 / (2 * oversampling));
 /// Phase between neighbouring rays, in half-turns, at most.
 constexpr double phase_step = 0.6;
 /// The taper begins and ends this many Fresnel widths outside the window.
-constexpr double taper_begin = 6, taper_end = 12;
+constexpr double taper_begin = 6, taper_end = 14;
 /// How far beyond the rim rays are taken, in tau of kernels/grazing.cl.
 constexpr double rim_reach = 5;
 constexpr double window_deg = 12;
@@ -156,7 +156,7 @@ IntegralShare integral_share(
   const double ka = 2 * pi * radius_m / light.wavelength_m;
   struct Caustic {
     Vector direction;
-    double width; ///< of the Airy pattern [rad]
+    double inner, outer; ///< reach of the integral around it [rad]
   };
   std::vector<Caustic> caustics;
   const auto foot = [](const CoarseRays::Node& n) {
@@ -184,17 +184,32 @@ IntegralShare integral_share(
     // A focus along the axis has the width of a Bessel function instead.
     const double rho = norm(foot(here));
     if (std::hypot(d[0], d[1]) < 0.1) width = std::max(width, 2.5 / (ka * std::max(rho, 0.05)));
-    caustics.push_back({d, std::min(width, 0.1)});
+    width = std::min(width, 0.1);
+    caustics.push_back({d, zone.inner * width, zone.outer * width});
   };
   for (int a = 1; a < CoarseRays::alphas; ++a)
     for (int j = 0; j < CoarseRays::azimuths; ++j) {
       look(a, j, 1, 0);
       look(a, j, 0, 1);
     }
+  // Grazing rays, whose patches end abruptly: with the directions around, as far as light leaks.
+  if (order > 0) {
+    const double grazing = std::sqrt(zone.grazing) * std::cbrt(2 / ka), leak = 2 * std::cbrt(2 / ka);
+    for (int a = CoarseRays::alphas; a > 0 && std::cos(0.5 * pi * a / CoarseRays::alphas) < grazing; --a)
+      for (int j = 0; j < CoarseRays::azimuths; ++j) {
+        const auto& here = coarse.node(order, a, j);
+        const auto& next = coarse.node(order, a - 1, j);
+        if (!here.valid || !next.valid) continue;
+        const double gap =
+            std::max(norm(along(here.direction, -1, next.direction)), 2 * pi / CoarseRays::azimuths);
+        const double reach = std::max(gap, a == CoarseRays::alphas ? leak : 0.0);
+        caustics.push_back({here.direction, reach, 1.5 * reach});
+      }
+  }
   const int rows = static_cast<int>(layout.theta_deg.size());
   IntegralShare share;
   for (const Caustic& caustic : caustics) {
-    const double outer = zone.outer * caustic.width, inner_end = zone.inner * caustic.width;
+    const double outer = caustic.outer, inner_end = caustic.inner;
     const double theta = std::acos(std::clamp(caustic.direction[2], -1.0, 1.0)) / radians_per_degree;
     const double reach = outer / radians_per_degree;
     const auto first = std::lower_bound(layout.theta_deg.begin(), layout.theta_deg.end(), theta - reach);
@@ -412,6 +427,19 @@ WindowPlan plan_window(
     w.inner[axis] = std::min(half[axis] + taper_begin * fresnel, 1.2);
     w.outer[axis] = std::min(half[axis] + taper_end * fresnel, 1.5);
   }
+  // The direction of rays has a kink at the rim, where a taper must not fall: it begins behind.
+  const double leak = 2 * std::cbrt(2 / ka);
+  if (order > 0)
+    for (int axis = meridians ? 1 : 0; axis < 2; ++axis)
+      for (int j = 0; j < CoarseRays::azimuths; ++j) {
+        const CoarseRays::Node& rim = coarse.node(order, CoarseRays::alphas, j);
+        if (!rim.valid) continue;
+        const Momentum m = momentum(w, rim);
+        if (std::abs(m.rho[1 - axis]) > w.outer[1 - axis] || std::abs(m.rho[axis]) > w.outer[axis] + leak)
+          continue;
+        w.inner[axis] = std::max(w.inner[axis], std::abs(m.rho[axis]) + leak);
+        w.outer[axis] = w.inner[axis] + (taper_end - taper_begin) * fresnel;
+      }
   // Cells of rays that may leave within the taper, and those at the rim with their continuation beyond it.
   std::vector<const CoarseRays::Node*> corners;
   for (int a = 0; a < CoarseRays::alphas; ++a)
@@ -433,7 +461,8 @@ WindowPlan plan_window(
         }
       }
       if (valid == 0 || towards < -0.2) continue;
-      bool misses = false;
+      // Half-way round the longitude jumps.
+      bool misses = high[0] - low[0] > pi;
       for (int axis = 0; axis < 2; ++axis) {
         const double margin = 0.3 * (high[axis] - low[axis]) + 0.01;
         misses = misses || low[axis] - margin > w.outer[axis] || high[axis] + margin < -w.outer[axis];
@@ -586,7 +615,7 @@ void add_integral(
       plan_windows(coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()));
   if (plans.empty()) return;
   const std::string_view sources[] = {embedded::kernel_kirchhoff};
-  cl::Program& program = rays.build(light, sources, true, "", true);
+  cl::Program& program = rays.build(light, sources, true, " -DUNIFORM -DBEYOND");
   const cl::Buffer job_data = rays.job_buffer(job), outline_data = opencl.upload(outline.both());
   static const std::vector<double> polynomials = tap_polynomials();
   const cl::Buffer taps_data = opencl.upload(polynomials);

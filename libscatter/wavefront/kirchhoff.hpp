@@ -41,10 +41,11 @@ private:
   std::vector<Node> nodes_;
 };
 
-/// Reach of the integral around a caustic, in widths of its Airy pattern: all of it up to `inner`, none
-/// beyond `outer`.
+/// Where the integral stands in for patches: around a caustic all of it up to `inner` widths of its Airy
+/// pattern, none beyond `outer`; and where rays left at grazing incidence, up to this -tau of
+/// kernels/grazing.cl.
 struct IntegralZone {
-  double inner = 12, outer = 18;
+  double inner = 8, outer = 12, grazing = 6;
 };
 
 /// Where the integral stands in for patches.

@@ -44,7 +44,7 @@ RayProgram::RayProgram(const Tracing& request, const compute::Device& on) : trac
 
 cl::Program& RayProgram::build(
     const Light& light, std::span<const std::string_view> further, bool curvature,
-    const std::string& further_options, bool uniform) {
+    const std::string& further_options) {
   using namespace embedded;
   std::string options = "-cl-std=CL1.2 -DTILE=" + std::to_string(tile_cells);
   if (tracing.shape.kind == drop::Shape::Kind::spheroid)
@@ -56,10 +56,9 @@ cl::Program& RayProgram::build(
   std::vector<std::string_view> sources{kernel_vector, kernel_double_double, kernel_surface};
   if (curvature) sources.push_back(kernel_curvature);
   sources.push_back(kernel_fresnel);
-  if (uniform) {
+  if (curvature) {
     sources.push_back(kernel_grazing);
-    options += " -DUNIFORM -DEDGE_REACH=" + std::to_string(edge_reach) +
-               " -DEDGE_TERMS=" + std::to_string(edge_terms) +
+    options += " -DEDGE_REACH=" + std::to_string(edge_reach) + " -DEDGE_TERMS=" + std::to_string(edge_terms) +
                " -DSURFACE_EDGE=" + std::to_string(surface.values.size() - 3 * edge_terms);
   }
   sources.push_back(kernel_trace);

@@ -52,7 +52,7 @@ struct RayProgram {
   /// (which needs CURVATURE) where asked.
   cl::Program& build(
       const Light& light, std::span<const std::string_view> further, bool curvature,
-      const std::string& further_options = "", bool uniform = false);
+      const std::string& further_options = "");
 
   [[nodiscard]] Job make_job(const Light& light, int rays, int order) const;
   [[nodiscard]] cl::Buffer job_buffer(const Job& job) const;

@@ -180,9 +180,17 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"MethodUnknown", phase({{"--method", "magic"}}), {"--method", "magic", "patches"}},
         Case{"MieForADrop", phase({{"--method", "mie"}}), {"--method", "mie", "sphere"}},
         Case{
-            "DiffractionIntegral",
-            phase({{"--diffraction", "integral"}}),
-            {"--diffraction", "integral", "gaussian"}},
+            "DiffractionUnknown",
+            phase({{"--diffraction", "airy"}}),
+            {"--diffraction", "airy", "gaussian", "integral", "none"}},
+        Case{
+            "IntegralByTheRule",
+            phase({{"--diffraction", "integral"}, {"--focal-lines", "rule"}}),
+            {"--diffraction integral", "--focal-lines exact"}},
+        Case{
+            "IntegralOfIntensities",
+            phase({{"--diffraction", "integral"}, {"--no-interference", ""}}),
+            {"--diffraction integral", "--no-interference"}},
         Case{"FocalLinesUnknown", phase({{"--focal-lines", "all"}}), {"--focal-lines", "all", "exact"}},
         Case{"Tolerance", phase({{"--tolerance", "1e-3"}}), {"--tolerance", "--rays"}},
         Case{

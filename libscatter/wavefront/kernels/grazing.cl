@@ -8,6 +8,7 @@
 // which is below 0 for rays that hit (DLMF 10.20.4); inside, where rays never graze, from Debye's with its first
 // correction (DLMF 10.19.6). A drop's surface counts as the sphere of its curvature in the plane of incidence.
 
+#ifdef UNIFORM
 // ln g and the phase of Ai - i Bi as Chebyshev series over -EDGE_REACH <= tau <= EDGE_REACH, g = 1 / (pi (Ai^2 +
 // Bi^2)): EDGE_TERMS coefficients each of ln g, its derivative, the phase; they stand behind the surface's parameters.
 typedef struct {
@@ -104,3 +105,4 @@ FORCE_INLINE real incidence_curvature(constant const double* surface, const surf
   // At normal incidence any direction will do: the correction is next to nothing.
   return select(fmax(curvature, 0.05), (real)(1.0), !(length2 > 1e-12));
 }
+#endif

@@ -1,5 +1,5 @@
 // The far field of one order around one direction as a sum over its rays, Fourier transformed to directions. Needs
-// job.cl and trace.cl, built with CURVATURE and UNIFORM.
+// job.cl and trace.cl, built with CURVATURE, UNIFORM and BEYOND.
 //
 // Around the centre r0 of a window directions have coordinates rho, a longitude and a latitude. A ray that leaves in direction d = r(rho_d), with optical path L between planes through the
 // origin, has the momentum X = dr/drho . p there, p any point on it: the far field's phase falls by k X per rho. With

@@ -129,6 +129,12 @@ FORCE_INLINE void store_jones(global double* out, double8 f0, double8 f1, double
   vstore8((double8)(a1.s67, a3.s67, a5.s67, a7.s67), 7, out);
 }
 
+#ifdef UNIFORM
+#define SIZE_OF(job) 3.14159265358979323846 * (job)->wave,
+#else
+#define SIZE_OF(job)
+#endif
+
 // Traces order p of every ray of the tile into the scratch.
 void trace_tile(constant const double* surface, constant const job_t* job, tile_t tile, int p, global double* scratch) {
   const int rim = tile.flags & TILE_RIM, steps = rim ? job->rim_steps : job->interior_steps;
@@ -141,14 +147,14 @@ void trace_tile(constant const double* surface, constant const job_t* job, tile_
     ray_state ray;
     exit_ray out;
     if (p == 0) {
-      enter(surface, job->n, job->k, job->attenuation, u, v, steps, &ray, &out);
+      enter(surface, job->n, job->k, job->attenuation, SIZE_OF(job) u, v, steps, &ray, &out);
       const mask outside = (i > job->rays - 0.5) | (j > job->rays - 0.5);
       out.valid = select(out.valid, (real)(0.0), outside);
       ray.alive = out.valid;
     } else {
       load_state(scratch, at, rim, &ray);
       const vector3 impact = {u, v, (real)(0.0)};
-      bounce(surface, job->n, job->k, job->attenuation, impact, job->interior_steps, &ray, &out);
+      bounce(surface, job->n, job->k, job->attenuation, SIZE_OF(job) impact, job->interior_steps, &ray, &out);
     }
     if (p < job->last_order) store_state(scratch, at, rim, &ray);
 

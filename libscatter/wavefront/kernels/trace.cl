@@ -4,7 +4,8 @@
 // units of a, the radius of the equal-volume sphere. Time factor exp(-i omega t).
 //
 // The build defines ABSORBING for complex m, CURVATURE for exact focal lines (needs curvature.cl), UNIFORM with it for
-// coefficients that hold through grazing incidence (needs grazing.cl).
+// coefficients that hold through grazing incidence (needs grazing.cl), and BEYOND with that for the light that tunnels in
+// and out beside the rim.
 
 // Rays below this cosine are traced with twice the digits.
 #define GRAZING 0.05
@@ -288,7 +289,7 @@ FORCE_INLINE void bounce(
   // Refracted, out.
   const real bend = outside - n * inside;
   vector3 refracted = {n * d.x + bend * normal.x, n * d.y + bend * normal.y, n * d.z + bend * normal.z};
-#ifdef UNIFORM
+#ifdef BEYOND
   // A wave reflected in total tunnels out to a ray that grazes at some height above the surface.
   const mask beyond = cosine2 < 0.0;
   const vector3 level = along3(d, -inside, normal);
@@ -313,7 +314,7 @@ FORCE_INLINE void bounce(
   ray->spread = out->spread = spread;
   turn_directions(&out->spread, d, normal, n_u, n_v, (real)(n), inside, outside);
   turn_directions(&ray->spread, d, normal, n_u, n_v, (real)(1.0), inside, -inside);
-#ifdef UNIFORM
+#ifdef BEYOND
   const real c_u = dot3(spread.d_u, normal) + dot3(d, n_u), c_v = dot3(spread.d_v, normal) + dot3(d, n_v);
   const vector3 g_u = along3(along3(spread.d_u, -c_u, normal), -inside, n_u);
   const vector3 g_v = along3(along3(spread.d_v, -c_v, normal), -inside, n_v);
@@ -343,7 +344,7 @@ FORCE_INLINE void bounce(
   ray->alive = alive;
 }
 
-#ifdef UNIFORM
+#ifdef BEYOND
 // Order 0 of light that passes the drop at a height above its outline and tunnels in: at the point where the surface's
 // normal lies across the light. outline_point, its derivative by the azimuth; height >= 0. The derivatives in `spread`
 // are by height and azimuth instead of u and v.
