@@ -33,6 +33,8 @@ constexpr double taper_begin = 6, taper_end = 14;
 /// How far beyond the rim rays are taken, in tau of kernels/grazing.cl.
 constexpr double rim_reach = 5;
 constexpr double window_deg = 12;
+/// The taper keeps this far from the poles of theta and phi [rad], where amplitudes change fast.
+constexpr double pole_margin = 0.05;
 constexpr double polar_cap_deg = 8;
 
 double inner(const Vector& a, const Vector& b) {
@@ -241,14 +243,16 @@ namespace {
 struct Window {
   Vector r0, e1, e2, f0, f1, f2;
   double latitude = 0;
-  std::array<double, 2> shear{}, inner{}, outer{}, centre{}, xi_per_length{}, points_per_xi{};
+  std::array<double, 2> shear{};
+  std::array<std::array<double, 2>, 2> full{}, none{};
+  std::array<double, 2> centre{}, xi_per_length{}, points_per_xi{};
   double beta = 0;
   std::array<double, 2> modes_per_radian{};
   double alpha_step = 0, psi_step = 0, height_step = 0;
   std::array<int, 2> points{}, modes{};
   int alphas = 0, azimuths = 0, heights = 0, rim_cell = CoarseRays::alphas, order = 0, outline_terms = 0;
 };
-static_assert(sizeof(Window) == 336);
+static_assert(sizeof(Window) == 368);
 
 struct Cell {
   int alpha, azimuth, index, unused;
@@ -424,22 +428,40 @@ WindowPlan plan_window(
   }
   const double fresnel = std::sqrt(2 / ka);
   for (int axis = 0; axis < 2; ++axis) {
-    w.inner[axis] = std::min(half[axis] + taper_begin * fresnel, 1.2);
-    w.outer[axis] = std::min(half[axis] + taper_end * fresnel, 1.5);
+    const double full = std::min(half[axis] + taper_begin * fresnel, 1.2);
+    const double none = std::min(half[axis] + taper_end * fresnel, 1.5);
+    w.full[axis] = {-full, full};
+    w.none[axis] = {-none, none};
   }
-  // The direction of rays has a kink at the rim, where a taper must not fall: it begins behind.
-  const double leak = 2 * std::cbrt(2 / ka);
+  // The direction of rays turns back at the rim with a kink, where a taper must not fall: it begins behind.
+  constexpr double behind = 0.02;
+  const double width = (taper_end - taper_begin) * fresnel;
   if (order > 0)
     for (int axis = meridians ? 1 : 0; axis < 2; ++axis)
       for (int j = 0; j < CoarseRays::azimuths; ++j) {
         const CoarseRays::Node& rim = coarse.node(order, CoarseRays::alphas, j);
         if (!rim.valid) continue;
         const Momentum m = momentum(w, rim);
-        if (std::abs(m.rho[1 - axis]) > w.outer[1 - axis] || std::abs(m.rho[axis]) > w.outer[axis] + leak)
-          continue;
-        w.inner[axis] = std::max(w.inner[axis], std::abs(m.rho[axis]) + leak);
-        w.outer[axis] = w.inner[axis] + (taper_end - taper_begin) * fresnel;
+        const double across = m.rho[1 - axis], at = m.rho[axis];
+        if (across < w.none[1 - axis][0] || across > w.none[1 - axis][1]) continue;
+        if (at < w.full[axis][0] + behind && at > w.none[axis][0] - behind) {
+          w.full[axis][0] = at - behind;
+          w.none[axis][0] = w.full[axis][0] - width;
+        } else if (at > w.full[axis][1] - behind && at < w.none[axis][1] + behind) {
+          w.full[axis][1] = at + behind;
+          w.none[axis][1] = w.full[axis][1] + width;
+        }
       }
+  if (meridians) {
+    // Short of the poles of the coordinates.
+    for (int end = 0; end < 2; ++end) {
+      const double sign = end == 0 ? -1 : 1, pole = 0.5 * pi - sign * w.latitude - pole_margin;
+      if (sign * w.none[1][end] > pole) {
+        w.none[1][end] = sign * pole;
+        w.full[1][end] = sign * std::clamp(pole - 5 * fresnel, half[1], sign * w.full[1][end]);
+      }
+    }
+  }
   // Cells of rays that may leave within the taper, and those at the rim with their continuation beyond it.
   std::vector<const CoarseRays::Node*> corners;
   for (int a = 0; a < CoarseRays::alphas; ++a)
@@ -465,7 +487,7 @@ WindowPlan plan_window(
       bool misses = high[0] - low[0] > pi;
       for (int axis = 0; axis < 2; ++axis) {
         const double margin = 0.3 * (high[axis] - low[axis]) + 0.01;
-        misses = misses || low[axis] - margin > w.outer[axis] || high[axis] + margin < -w.outer[axis];
+        misses = misses || low[axis] - margin > w.none[axis][1] || high[axis] + margin < w.none[axis][0];
       }
       if (misses) continue;
       made.cells.push_back({a, j, 0, 0});
@@ -488,9 +510,11 @@ WindowPlan plan_window(
     double least = 1;
     for (const auto* n : corners) {
       const Momentum m = momentum(w, *n);
-      const double weight = smooth_step(std::abs(m.rho[0]), w.inner[0], w.outer[0]) *
-                            smooth_step(std::abs(m.rho[1]), w.inner[1], w.outer[1]);
-      if (weight > 0.1) least = std::min(least, std::abs(m.A) / m.scale);
+      bool inside = true;
+      for (int axis = 0; axis < 2; ++axis)
+        inside = inside && m.rho[axis] > 0.5 * (w.full[axis][0] + w.none[axis][0]) &&
+                 m.rho[axis] < 0.5 * (w.full[axis][1] + w.none[axis][1]);
+      if (inside) least = std::min(least, std::abs(m.A) / m.scale);
     }
     return least;
   };
@@ -511,13 +535,14 @@ WindowPlan plan_window(
     }
   }
   // Phase between neighbouring rays: k (rho - r) . dX.
+  const std::array<double, 2> spread{
+      half[0] + std::max(w.none[0][1], -w.none[0][0]), half[1] + std::max(w.none[1][1], -w.none[1][0])};
   double step_alpha = 0, step_psi = 0;
   for (Cell& cell : made.cells) {
     const auto side = [&](const CoarseRays::Node& a, const CoarseRays::Node& b) {
       if (!a.valid || !b.valid) return 0.0;
       const Momentum from = momentum(w, a), to = momentum(w, b);
-      return std::abs(to.X[0] - from.X[0]) * (half[0] + w.outer[0]) +
-             std::abs(to.X[1] - from.X[1]) * (half[1] + w.outer[1]);
+      return std::abs(to.X[0] - from.X[0]) * spread[0] + std::abs(to.X[1] - from.X[1]) * spread[1];
     };
     if (cell.alpha == CoarseRays::alphas) {
       const CoarseRays::Node& rim = coarse.node(order, cell.alpha, cell.azimuth);
@@ -538,7 +563,7 @@ WindowPlan plan_window(
   // Beyond the rim waves die out within some Airy widths.
   const double reach_beyond = rim_reach * std::cbrt(0.5 / (ka * ka));
   w.heights = std::max(
-      24, static_cast<int>(std::ceil(ka * reach_beyond * (half[0] + w.outer[0]) / (pi * 0.5 * phase_step))));
+      24, static_cast<int>(std::ceil(ka * reach_beyond * (spread[0] + spread[1]) / (pi * 0.5 * phase_step))));
   w.height_step = reach_beyond / w.heights;
   w.beta = beta;
   for (int axis = 0; axis < 2; ++axis) {

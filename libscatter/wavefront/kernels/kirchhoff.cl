@@ -30,7 +30,7 @@ typedef struct {
   double f0[3], f1[3], f2[3];    // rho is longitude (from f0 to f1) and latitude (towards f2) ..
   double latitude;               // .. less the centre's
   double shear[2];               // D
-  double inner[2], outer[2];     // |rho|: the taper is 1 up to inner, 0 from outer on
+  double full[2][2], none[2][2]; // per axis, below and above: the taper is 1 between full, 0 outside none
   double centre[2];              // of X'
   double xi_per_length[2];       // grid phase per X'
   double points_per_xi[2];       // n / (2 pi)
@@ -46,9 +46,13 @@ typedef struct {
   int outline_terms;
 } window_t;
 
-FORCE_INLINE real taper(real a, double inner, double outer) {
-  const real s = clamp((fabs(a) - inner) / (outer - inner), 0.0, 1.0), s2 = s * s;
+// From 1 at `full` to 0 at `none`, whichever is larger.
+FORCE_INLINE real taper_end(real a, double full, double none) {
+  const real s = clamp((a - full) / (none - full), 0.0, 1.0), s2 = s * s;
   return 1.0 - s2 * s2 * s * (126.0 - s * (420.0 - s * (540.0 - s * (315.0 - 70.0 * s))));
+}
+FORCE_INLINE real taper(real a, constant const double* full, constant const double* none) {
+  return taper_end(a, full[0], none[0]) * taper_end(a, full[1], none[1]);
 }
 
 // 1 / transform of the Kaiser-Bessel kernel at xi, but for a constant factor.
@@ -128,7 +132,7 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const real cos_2 = sqrt(fmax(ahead * ahead + east * east, 1e-12)), inverse_2 = 1.0 / cos_2;
       const real cos_1 = ahead * inverse_2, sin_1 = east * inverse_2;
       const real rho_1 = atan2(east, ahead), rho_2 = asin(clamp(sin_2, -1.0, 1.0)) - window->latitude;
-      weight *= taper(rho_1, window->inner[0], window->outer[0]) * taper(rho_2, window->inner[1], window->outer[1]);
+      weight *= taper(rho_1, window->full[0], window->none[0]) * taper(rho_2, window->full[1], window->none[1]);
       const mask useless = (out.valid < 0.5) | !(weight > 0.0) | (number > in_cell - 0.5) | (towards < -0.9);
       if (all(useless)) continue;
       const vector3 middle_1 = along3(scale3(cos_1, f0), sin_1, quarter);
