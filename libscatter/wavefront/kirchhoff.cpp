@@ -30,11 +30,13 @@ const double beta = pi * taps * (1 - 1 / (2 * oversampling));
 constexpr double phase_step = 0.6;
 /// The taper begins and ends this many Fresnel widths outside the window.
 constexpr double taper_begin = 6, taper_end = 14;
+/// Change of momentum per angle between rays, at most.
+constexpr double steepest_momentum = 1.5;
 /// How far beyond the rim rays are taken, in tau of kernels/grazing.cl.
 constexpr double rim_reach = 5;
 constexpr double window_deg = 12;
 /// The taper keeps this far from the poles of theta and phi [rad], where amplitudes change fast.
-constexpr double pole_margin = 0.05;
+constexpr double pole_margin = 0.02;
 constexpr double polar_cap_deg = 8;
 
 double inner(const Vector& a, const Vector& b) {
@@ -458,7 +460,7 @@ WindowPlan plan_window(
       const double sign = end == 0 ? -1 : 1, pole = 0.5 * pi - sign * w.latitude - pole_margin;
       if (sign * w.none[1][end] > pole) {
         w.none[1][end] = sign * pole;
-        w.full[1][end] = sign * std::clamp(pole - 5 * fresnel, half[1], sign * w.full[1][end]);
+        w.full[1][end] = sign * std::min(sign * w.full[1][end], std::max(pole - 2 * fresnel, half[1]));
       }
     }
   }
@@ -556,8 +558,14 @@ WindowPlan plan_window(
     step_alpha = std::max({step_alpha, side(n00, n10), side(n01, n11)});
     step_psi = std::max({step_psi, side(n00, n01), side(n10, n11)});
   }
-  w.alphas = std::max(2, static_cast<int>(std::ceil(ka * step_alpha / (pi * phase_step))));
-  w.azimuths = std::max(2, static_cast<int>(std::ceil(ka * step_psi / (pi * phase_step))));
+  // Momenta change by about the angles that rays are apart; next to the rim, out of the plane of scattering,
+  // their derivatives have no bound, but their weight vanishes.
+  const auto rays_for = [&](double step, double cell) {
+    const double bounded = std::min(step, steepest_momentum * cell * (spread[0] + spread[1]));
+    return std::max(2, static_cast<int>(std::ceil(ka * bounded / (pi * phase_step))));
+  };
+  w.alphas = rays_for(step_alpha, 0.5 * pi / CoarseRays::alphas);
+  w.azimuths = rays_for(step_psi, 2 * pi / CoarseRays::azimuths);
   w.alpha_step = 0.5 * pi / CoarseRays::alphas / w.alphas;
   w.psi_step = 2 * pi / CoarseRays::azimuths / w.azimuths;
   // Beyond the rim waves die out within some Airy widths.
