@@ -125,9 +125,7 @@ Row run_sphere_row(const json& truth, int threads) {
   row.over_estimate = larger(efficiencies, row.amplitudes) / found.error_estimate;
   if (row.x <= 5e4) { // exact/mie.hpp
     row.efficiencies_bound = 1e-13;
-    row.amplitudes_bound = row.name == "on a narrow resonance" ? 1e-9
-                           : std::abs(row.index - 1.0) < 1e-3  ? 1e-10
-                                                               : 1e-12;
+    row.amplitudes_bound = 1e-12;
   }
   return row;
 }
