@@ -23,7 +23,7 @@ double required_error(double x) {
 
 /// How far S may be from its value at the angle as given, where a grid's angle stands for its decimal:
 /// relative, by the largest amplitude nearby, for each angle.
-std::vector<double> turn_errors(double x, std::span<const Angle> angles, std::span<const double> size) {
+std::vector<double> turn_errors(double x, std::span<const Angle> angles, std::span<const double> square) {
   std::vector<double> errors(angles.size());
   const auto off = [](const Angle& angle) { return angle.theta_rest != 0; };
   if (std::none_of(angles.begin(), angles.end(), off)) return errors;
@@ -35,9 +35,9 @@ std::vector<double> turn_errors(double x, std::span<const Angle> angles, std::sp
   for (std::size_t k = 0; k < order.size(); ++k) {
     double nearby = 0;
     for (std::size_t j = k - std::min(k, reach); j <= std::min(k + reach, order.size() - 1); ++j)
-      nearby = std::max(nearby, size[order[j]]);
+      nearby = std::max(nearby, square[order[j]]);
     const std::size_t i = order[k];
-    errors[i] = 2 * x * std::abs(angles[i].theta_rest) * (std::numbers::pi / 180) * nearby / size[i];
+    errors[i] = x * std::abs(angles[i].theta_rest) * (std::numbers::pi / 180) * std::sqrt(nearby / square[i]);
   }
   return errors;
 }
@@ -56,11 +56,16 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
 
   // Where the sum in double is not sure of the digits, all are summed once more, with twice as many.
   const double required = required_error(x), coarse = sum_rounding(c.waves.count());
-  const auto larger = [&](std::size_t i) { return std::max(std::abs(sums.S1[i]), std::abs(sums.S2[i])); };
-  const auto growth = [&](std::size_t i) { return std::sqrt(sums.largest_partial[i]) / larger(i); };
+  std::vector<double> square(angles.size()); // of the larger amplitude
+  const auto measure = [&](std::size_t i) {
+    square[i] = std::max(std::norm(sums.S1[i]), std::norm(sums.S2[i]));
+  };
+  const auto growth = [&](std::size_t i) { return std::sqrt(sums.largest_partial[i] / square[i]); };
   std::vector<std::size_t> unsure;
-  for (std::size_t i = 0; i < angles.size(); ++i)
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    measure(i);
     if (!((coarse + c.relative_error) * growth(i) <= required)) unsure.push_back(i);
+  }
   ExtendedWaves exact;
   if (!unsure.empty() || !(c.back_error <= 2 * required)) {
     c = sphere_coefficients(x, m, &exact);
@@ -71,6 +76,7 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
     for (std::size_t k = 0; k < unsure.size(); ++k) {
       sums.S1[unsure[k]] = better.S1[k];
       sums.S2[unsure[k]] = better.S2[k];
+      measure(unsure[k]);
     }
   }
 
@@ -85,9 +91,7 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
   // Qabs follows the squared width of a resonance: twice the coefficient's error, and once more for the width
   // itself.
   result.error_estimate = 8 * epsilon + (m.imag() > 0 ? 4 : 1) * c.relative_error;
-  std::vector<double> size(angles.size());
-  for (std::size_t i = 0; i < angles.size(); ++i) size[i] = larger(i);
-  const std::vector<double> turns = turn_errors(x, angles, size);
+  const std::vector<double> turns = turn_errors(x, angles, square);
   const double fine =
       extended_epsilon * (12 + 8 * std::sqrt(static_cast<double>(c.waves.count()))) + c.relative_error;
   auto next = unsure.begin();
