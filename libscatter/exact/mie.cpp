@@ -1,4 +1,5 @@
 #include <scatter/exact/mie.hpp>
+#include <scatter/exact/mie_accuracy.hpp>
 #include <scatter/exact/partial_waves.hpp>
 #include <scatter/exact/sphere_coefficients.hpp>
 #include <scatter/optics/errors.hpp>
@@ -42,8 +43,10 @@ std::vector<double> turn_errors(double x, std::span<const Angle> angles, std::sp
   return errors;
 }
 
-MieResult
-solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit unit, int threads) {
+/// enough: S need not be better than that.
+MieResult solve(
+    double x, std::complex<double> m, std::span<const double> theta, AngleUnit unit, int threads,
+    double enough = 0) {
   check_sphere(x, m);
   if (!(std::abs(m) >= smallest_index)) {
     std::ostringstream message;
@@ -55,7 +58,7 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
   auto sums = std::move(sum_partial_waves({&c.waves, 1}, angles, threads)[0]);
 
   // Where the sum in double is not sure of the digits, all are summed once more, with twice as many.
-  const double required = required_error(x), coarse = sum_rounding(c.waves.count());
+  const double required = std::max(required_error(x), enough), coarse = sum_rounding(c.waves.count());
   std::vector<double> square(angles.size()); // of the larger amplitude
   const auto measure = [&](std::size_t i) {
     square[i] = std::max(std::norm(sums.S1[i]), std::norm(sums.S2[i]));
@@ -111,6 +114,12 @@ solve(double x, std::complex<double> m, std::span<const double> theta, AngleUnit
 }
 
 } // namespace
+
+MieResult mie_at_degrees_to(
+    double enough, double size_parameter, std::complex<double> index, std::span<const double> theta_deg,
+    int threads) {
+  return solve(size_parameter, index, theta_deg, AngleUnit::degree, threads, enough);
+}
 
 MieResult mie(double size_parameter, std::complex<double> index, std::span<const double> theta, int threads) {
   return solve(size_parameter, index, theta, AngleUnit::radian, threads);

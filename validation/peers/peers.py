@@ -10,7 +10,6 @@ m = n + ik with k >= 0, S1 perpendicular and S2 parallel to the scattering plane
 its adapter below converts, and says how.
 """
 import argparse
-import csv
 import datetime
 import json
 import math
@@ -361,7 +360,7 @@ def short(value):
 
 
 def seconds_text(seconds):
-    return f"{seconds * 1e3:.3g} ms"
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{seconds * 1e3:.3g} ms"
 
 
 def worst(rows, key, keep=lambda row: True):
@@ -408,11 +407,11 @@ def summary(report):
         for x in sizes:
             entry = timed[code].get(x, {"failure": "-"})
             if "failure" in entry:
-                cells.append(entry["failure"])
+                cells.append(entry["failure"].partition(":")[0])  # "refused", without its words
             elif code == OURS:
                 cells.append(seconds_text(entry["seconds"]))
             else:
-                ratio = f" ({entry['seconds'] / ours[x]['seconds']:.2g} x)" if "seconds" in ours.get(x, {}) else ""
+                ratio = f" ({entry['seconds'] / ours[x]['seconds']:.0f} x)" if "seconds" in ours.get(x, {}) else ""
                 cells.append(seconds_text(entry["seconds"]) + ratio)
         rows.append(cells)
     return rows
@@ -464,10 +463,10 @@ def summary_table(report):
 
 
 def write_csv(report, path):
-    """The same for the report of `scatter validate`."""
-    with path.open("w", newline="") as file:
-        file.write("# " + remarks(report) + "\n# Made by validation/peers/run --update README.md\n")
-        csv.writer(file, delimiter=";", lineterminator="\n").writerows(summary(report))
+    """The same for the report of `scatter validate`: cells between semicolons, without quotes."""
+    rows = [[cell.replace(";", ",") for cell in cells] for cells in summary(report)]
+    path.write_text("# Made by validation/peers/run --update README.md\n# " + remarks(report) + "\n" +
+                    "".join(";".join(cells) + "\n" for cells in rows))
 
 
 def page(report):
