@@ -32,13 +32,17 @@ std::vector<double> turn_errors(double x, std::span<const Angle> angles, std::sp
   std::iota(order.begin(), order.end(), 0);
   const auto less = [&](std::size_t i, std::size_t j) { return angles[i].theta < angles[j].theta; };
   if (!std::is_sorted(order.begin(), order.end(), less)) std::sort(order.begin(), order.end(), less);
-  constexpr std::size_t reach = 3;
+  std::vector<double> sorted(angles.size());
+  for (std::size_t k = 0; k < order.size(); ++k) sorted[k] = square[order[k]];
+  std::vector<double> nearby = sorted;
+  for (std::size_t reach = 1; reach <= 3; ++reach)
+    for (std::size_t k = 0; k + reach < sorted.size(); ++k) {
+      nearby[k] = std::max(nearby[k], sorted[k + reach]);
+      nearby[k + reach] = std::max(nearby[k + reach], sorted[k]);
+    }
   for (std::size_t k = 0; k < order.size(); ++k) {
-    double nearby = 0;
-    for (std::size_t j = k - std::min(k, reach); j <= std::min(k + reach, order.size() - 1); ++j)
-      nearby = std::max(nearby, square[order[j]]);
-    const std::size_t i = order[k];
-    errors[i] = x * std::abs(angles[i].theta_rest) * (std::numbers::pi / 180) * std::sqrt(nearby / square[i]);
+    const double turn = std::abs(angles[order[k]].theta_rest) * (std::numbers::pi / 180);
+    errors[order[k]] = x * turn * std::sqrt(nearby[k] / sorted[k]);
   }
   return errors;
 }
@@ -59,16 +63,17 @@ MieResult solve(
 
   // Where the sum in double is not sure of the digits, all are summed once more, with twice as many.
   const double required = std::max(required_error(x), enough), coarse = sum_rounding(c.waves.count());
+  // The estimate holds several times over: 4 times what is required is no reason yet.
   std::vector<double> square(angles.size()); // of the larger amplitude
+  std::vector<double> growth(angles.size()); // largest partial sum over the larger amplitude
   const auto measure = [&](std::size_t i) {
     square[i] = std::max(std::norm(sums.S1[i]), std::norm(sums.S2[i]));
+    growth[i] = std::sqrt(sums.largest_partial[i] / square[i]);
   };
-  const auto growth = [&](std::size_t i) { return std::sqrt(sums.largest_partial[i] / square[i]); };
+  for (std::size_t i = 0; i < angles.size(); ++i) measure(i);
   std::vector<std::size_t> unsure;
-  for (std::size_t i = 0; i < angles.size(); ++i) {
-    measure(i);
-    if (!((coarse + c.relative_error) * growth(i) <= required)) unsure.push_back(i);
-  }
+  for (std::size_t i = 0; i < angles.size(); ++i)
+    if (!((coarse + c.relative_error) * growth[i] <= 4 * required)) unsure.push_back(i);
   ExtendedWaves exact;
   if (!unsure.empty() || !(c.back_error <= 2 * required)) {
     c = sphere_coefficients(x, m, &exact);
@@ -103,7 +108,7 @@ MieResult solve(
     const bool summed_again = next != unsure.end() && *next == i;
     if (summed_again) ++next;
     const double error =
-        summed_again ? 4 * epsilon + fine * growth(i) : (coarse + c.relative_error) * growth(i);
+        summed_again ? 4 * epsilon + fine * growth[i] : (coarse + c.relative_error) * growth[i];
     result.error_estimate = std::max(result.error_estimate, error + turns[i]);
     result.phase_function.push_back(
         (std::norm(sums.S1[i]) + std::norm(sums.S2[i])) / (2 * std::numbers::pi * x * x * c.Qsca));

@@ -34,7 +34,7 @@ struct MieResult {
 ///
 /// Cost: |m| x steps in pairs of doubles for the coefficients, 30 us at x = 1000 and m = 1.333, then 1.2 x
 /// vectorised steps for every 48 angles (24 on AVX2), for every 96 where angles come with their mirror image
-/// pi - theta. Angles whose estimate is above 1e-12 (x <= 5000) or 1e-11 are summed again in 32 digits, each
+/// pi - theta. Angles whose estimate is above 4e-12 (x <= 5000) or 4e-11 are summed again in 32 digits, each
 /// for the price of about 20.
 ///
 /// Throws InputError for x outside [1e-6, 5e5], an index that is not finite, n <= 0, k < 0, m = 1, |m| <
