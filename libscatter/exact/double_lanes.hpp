@@ -3,7 +3,8 @@
 #include <scatter/exact/double_double.hpp>
 
 #include <cstddef>
-#if defined(__x86_64__) && defined(__GNUC__)
+// Not clang, which refuses to pass vectors that the code around has no registers for.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define SCATTER_X86_LANES 1
 #include <immintrin.h>
 #else
