@@ -3,8 +3,10 @@
 #include <scatter/exact/double_double.hpp>
 
 #include <cstddef>
-// Not clang, which refuses to pass vectors that the code around has no registers for.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+// Not clang, which refuses to pass vectors that the code around has no registers for. Nor under sanitizers,
+// whose checks in all these inlined functions take minutes to compile.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&     \
+    !defined(__SANITIZE_THREAD__)
 #define SCATTER_X86_LANES 1
 #include <immintrin.h>
 #else
