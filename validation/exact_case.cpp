@@ -6,6 +6,7 @@
 #include <scatter/optics/units.hpp>
 #include <scatter/scene/plot.hpp>
 
+#include <embedded/accuracy_peers.hpp>
 #include <embedded/validation_exact_truth.hpp>
 #include <fmt/format.h>
 
@@ -16,6 +17,7 @@
 #include <initializer_list>
 #include <limits>
 #include <optional>
+#include <sstream>
 #include <tuple>
 #include <utility>
 
@@ -125,9 +127,7 @@ Row run_sphere_row(const json& truth, int threads) {
   row.over_estimate = larger(efficiencies, row.amplitudes) / found.error_estimate;
   if (row.x <= 5e4) { // exact/mie.hpp
     row.efficiencies_bound = 1e-13;
-    row.amplitudes_bound = row.name == "on a narrow resonance" ? 1e-9
-                           : std::abs(row.index - 1.0) < 1e-3  ? 1e-10
-                                                               : 1e-12;
+    row.amplitudes_bound = row.x <= 5000 ? 1e-12 : 1e-11;
   }
   return row;
 }
@@ -209,6 +209,32 @@ Row run_cylinder_row(const json& truth) {
                          : std::abs(row.index - 1.0) < 1e-3        ? 5e-12
                                                                    : 5e-15;
   return row;
+}
+
+/// What validation/peers/run measured last: public codes beside this one. Not measured again here.
+void add_peers(CaseReport& report) {
+  std::istringstream text{std::string(embedded::accuracy_peers)};
+  std::vector<std::string> remarks;
+  Table table{"Public Mie codes beside this one", {}, {}};
+  for (std::string line; std::getline(text, line);) {
+    if (line.empty()) continue;
+    if (line.starts_with("# ")) {
+      remarks.push_back(line.substr(2));
+      continue;
+    }
+    std::vector<std::string> cells;
+    std::istringstream stream(line);
+    for (std::string cell; std::getline(stream, cell, ';');) cells.push_back(cell);
+    if (table.columns.empty()) {
+      table.columns = std::move(cells);
+    } else {
+      cells.resize(table.columns.size());
+      table.rows.push_back(std::move(cells));
+    }
+  }
+  report.blocks.emplace_back(Heading{"Other Mie codes"});
+  for (const std::string& remark : remarks) report.blocks.emplace_back(Paragraph{escape(remark)});
+  report.blocks.emplace_back(std::move(table));
 }
 
 std::string index_text(complex index) {
@@ -536,6 +562,7 @@ CaseReport run_exact(const Settings& settings, const Progress& progress) {
   }
   report.numbers["truth"] = "validation/data/exact_truth.json, made by make_exact_truth.py beside it";
   add_bodies(report, rows);
+  add_peers(report);
   add_bows(report, settings, [&](double part) { progress(share + (1 - share) * part); });
   return report;
 }

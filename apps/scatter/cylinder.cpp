@@ -22,7 +22,7 @@ namespace {
 struct Texts {
   BodyTexts body;
   std::optional<std::string> orders;
-  std::string tilt = "0deg", angles = "0:180:1deg", output = "-";
+  std::string tilt = "0deg", angles = "0:180:1deg", output = "-", threads = "0";
 };
 
 /// What one `scatter cylinder` asks for.
@@ -31,6 +31,7 @@ struct Request {
   double tilt_deg = 0;
   std::vector<double> theta_deg;
   std::vector<int> orders;
+  int threads = 0;
 };
 
 Request parse(const Texts& texts) {
@@ -46,6 +47,7 @@ Request parse(const Texts& texts) {
     if (!(angle >= -360 && angle <= 360))
       throw InputError(fmt::format("--angles: {} deg is outside -360deg..360deg", angle));
   if (texts.orders) request.orders = read("--orders", *texts.orders, parse_orders);
+  request.threads = thread_count(texts.threads);
   return request;
 }
 
@@ -138,7 +140,8 @@ void run(const Texts& texts, const Context& context) {
 
   const auto start = std::chrono::steady_clock::now();
   const auto result = exact::cylinder_at_degrees(
-      request.body.size_parameter, request.body.index, request.tilt_deg, request.theta_deg, request.orders);
+      request.body.size_parameter, request.body.index, request.tilt_deg, request.theta_deg, request.orders,
+      request.threads);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   spdlog::info(
       "x = {}, m = {} + {}i ({}), tilt {} deg, {} angles, {:.3g} s, error estimate {:.1e}",
@@ -173,6 +176,8 @@ void add_cylinder(CLI::App& app, Context& context) {
   add("--orders", texts->orders, "ORDERS", "Method",
       "Debye terms to give beside the sum, such as 2, 0,2 or 0..8: 0 is external reflection with "
       "diffraction");
+  add("--threads", texts->threads, "N", "Method",
+      "Threads to use, 0 for all cores; results do not depend on it [0]");
   add("--output", texts->output, "FILE", "Output", "FILE.json, FILE.csv or - (JSON to standard output) [-]");
   verb->footer(
       "Amplitudes T1..T4 follow Bohren & Huffman 8.34 (time factor exp(-i omega t), zeta = 90 deg - tilt, "

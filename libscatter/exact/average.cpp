@@ -1,5 +1,5 @@
 #include <scatter/exact/average.hpp>
-#include <scatter/exact/mie.hpp>
+#include <scatter/exact/mie_accuracy.hpp>
 #include <scatter/exact/sun_disc.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
@@ -192,7 +192,8 @@ private:
     const double k = 2 * pi / sphere.wavelength_m, x = k * sphere.radius_m;
     const SunDisc* const disc = request_.sun_disc_deg > 0 ? &disc_for(x) : nullptr;
     const std::vector<double>& angles = disc ? disc->grid_deg() : theta_deg_;
-    const MieResult mie = mie_at_degrees(x, request_.index(sphere.wavelength_m), angles, threads);
+    const MieResult mie =
+        mie_at_degrees_to(1e-3 * request_.tolerance, x, request_.index(sphere.wavelength_m), angles, threads);
     const double r = sphere.radius_m, area = sphere.weight * pi * r * r;
     sums[extinction] += area * mie.Qext;
     sums[scattering] += area * mie.Qsca;

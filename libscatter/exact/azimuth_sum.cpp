@@ -3,6 +3,7 @@
 // and alike for sines. The tables of cos jt and sin jt serve all blocks and all series, each entry rounded
 // once from long double: no recurrence in double gathers error. Half the multiplications of a plain sum do.
 #include <scatter/exact/azimuth_sum.hpp>
+#include <scatter/exact/partial_waves.hpp>
 #include <scatter/exact/vector_clones.hpp>
 
 #include <algorithm>
@@ -31,21 +32,41 @@ struct Tables {
   std::vector<Turn> middles; ///< N theta
 };
 
+/// exp(i angle), |angle| < 1000. Libraries reduce a long double by pi / 2 for any size, which takes long.
+LongComplex rotation(real angle) {
+  // pi / 2 as a double, whose multiples by up to 11 bits are exact, and the rest.
+  constexpr double quarter = 1.5707963267948966;
+  constexpr real low = 6.12323399573676588613e-17L;
+  const real k = std::nearbyint(angle / quarter);
+  const real rest = (angle - k * quarter) - k * low;
+  const real cosine = std::cos(rest), sine = std::sin(rest);
+  switch (static_cast<int>(k) & 3) {
+  case 0:
+    return {cosine, sine};
+  case 1:
+    return {-sine, cosine};
+  case 2:
+    return {-cosine, -sine};
+  default:
+    return {sine, -cosine};
+  }
+}
+
 /// One angle's multiples, rotated forward in long double: their error stays far below a double's rounding.
 void fill(Tables& tables, real theta, std::size_t slot) {
   const auto put = [&](Turn& turn, LongComplex value) {
     turn.cosine[slot] = static_cast<double>(value.re);
     turn.sine[slot] = static_cast<double>(value.im);
   };
-  const auto rotation = [](real angle) { return LongComplex{std::cos(angle), std::sin(angle)}; };
   const LongComplex step = rotation(theta);
-  LongComplex turn = step;
+  LongComplex turn = step, last;
   for (Turn& offset : tables.offsets) {
     put(offset, turn);
+    last = turn;
     turn = turn * step;
   }
   constexpr auto middle = static_cast<real>(half);
-  turn = rotation(middle * theta);
+  turn = last;
   const LongComplex stride = rotation((2 * middle + 1) * theta);
   for (Turn& centre : tables.middles) {
     put(centre, turn);
@@ -122,7 +143,8 @@ AzimuthSeries::AzimuthSeries(Kind kind, std::span<const LongComplex> coefficient
   }
 }
 
-std::vector<AzimuthSum> sum_over_azimuth(std::span<const AzimuthSeries> series, std::span<const real> theta) {
+std::vector<AzimuthSum>
+sum_over_azimuth(std::span<const AzimuthSeries> series, std::span<const real> theta, int threads) {
   std::vector<AzimuthSum> result(series.size());
   std::size_t most_blocks = 0;
   for (std::size_t s = 0; s < series.size(); ++s) {
@@ -130,11 +152,15 @@ std::vector<AzimuthSum> sum_over_azimuth(std::span<const AzimuthSeries> series, 
     result[s].rounding.resize(theta.size());
     most_blocks = std::max(most_blocks, series[s].blocks().size());
   }
-  Tables tables;
-  tables.middles.resize(most_blocks);
-  for (std::size_t first = 0; first < theta.size(); first += angles_at_once) {
+  std::size_t terms = 0;
+  for (const auto& one : series) terms += one.blocks().size() * (2 * half + 1);
+  const std::size_t groups = (theta.size() + angles_at_once - 1) / angles_at_once;
+  const auto work = [&](std::size_t group) {
+    const std::size_t first = group * angles_at_once;
     // A group that is not full repeats an angle: every lane does the same arithmetic.
     const std::size_t used = std::min(angles_at_once, theta.size() - first);
+    Tables tables;
+    tables.middles.resize(most_blocks);
     for (std::size_t slot = 0; slot < angles_at_once; ++slot)
       fill(tables, theta[first + std::min(slot, used - 1)], slot);
     for (std::size_t s = 0; s < series.size(); ++s) {
@@ -149,7 +175,9 @@ std::vector<AzimuthSum> sum_over_azimuth(std::span<const AzimuthSeries> series, 
             (4 * series[s].size() + 2 * std::sqrt(static_cast<double>(blocks.size()) * sums.largest[slot]));
       }
     }
-  }
+  };
+  // In steps of one vector; a group's rotations take as long as thousands.
+  in_parallel(groups, static_cast<double>(groups * (rows * terms + 4000)), threads, work);
   return result;
 }
 

@@ -42,11 +42,11 @@ struct AzimuthSum {
 };
 
 /// One sum per series. theta in radians, [-pi, pi]. An angle's sums depend on the coefficients and that angle
-/// alone, bit for bit.
+/// alone, bit for bit. threads = 0: all cores.
 ///
 /// Accuracy: the factors cos(n theta) and sin(n theta) are right to 2e-16 each, whatever n is. Cost: about
 /// one vectorised multiply-add per coefficient (real, imaginary) and angle.
 [[nodiscard]] std::vector<AzimuthSum>
-sum_over_azimuth(std::span<const AzimuthSeries> series, std::span<const real> theta);
+sum_over_azimuth(std::span<const AzimuthSeries> series, std::span<const real> theta, int threads);
 
 } // namespace scatter::exact

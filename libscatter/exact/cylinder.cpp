@@ -400,7 +400,7 @@ double largest_at(const CylinderAmplitudes& amplitudes, std::size_t i) {
 /// theta in radians, [-pi, pi].
 CylinderResult solve(
     const Setting& setting, double x, std::complex<double> m, std::span<const real> theta,
-    std::span<const int> orders) {
+    std::span<const int> orders, int threads) {
   if (!orders.empty() && setting.eta_squared.re == 0 && setting.eta_squared.im == 0)
     throw InputError("no wave travels inside at the critical tilt, sin(tilt) = m: ask for no orders there");
   const Solution solution = solve_orders(setting, orders);
@@ -420,7 +420,7 @@ CylinderResult solve(
   add(solution.total);
   if (!orders.empty()) add(solution.remainder);
   for (const auto& order : solution.orders) add(order);
-  auto sums = sum_over_azimuth(series, theta);
+  auto sums = sum_over_azimuth(series, theta, threads);
   const std::span<AzimuthSum> all(sums);
   const auto rounding_at = [&](std::size_t first, std::size_t i) {
     return std::max({all[first].rounding[i], all[first + 1].rounding[i], all[first + 2].rounding[i]});
@@ -480,21 +480,21 @@ fold(std::span<const double> theta, double half_turn, const char* unit, real (*t
 
 CylinderResult cylinder(
     double size_parameter, std::complex<double> index, double tilt, std::span<const double> theta,
-    std::span<const int> orders) {
+    std::span<const int> orders, int threads) {
   check(size_parameter, index, tilt, std::numbers::pi / 2, "rad", orders);
   const auto folded = fold(theta, std::numbers::pi, "rad", [](double angle) {
     const real wide = angle;
     return std::abs(wide) <= pi ? wide : wide - std::copysign(2 * pi, wide);
   });
   const real sine = std::sin(static_cast<real>(tilt)), cosine = std::cos(static_cast<real>(tilt));
-  auto result = solve({size_parameter, index, sine, cosine}, size_parameter, index, folded, orders);
+  auto result = solve({size_parameter, index, sine, cosine}, size_parameter, index, folded, orders, threads);
   result.tilt_deg = tilt * (180 / std::numbers::pi);
   return result;
 }
 
 CylinderResult cylinder_at_degrees(
     double size_parameter, std::complex<double> index, double tilt_deg, std::span<const double> theta_deg,
-    std::span<const int> orders) {
+    std::span<const int> orders, int threads) {
   check(size_parameter, index, tilt_deg, 90, "deg", orders);
   constexpr real degree = pi / 180;
   const auto folded = fold(theta_deg, 180, "deg", [](double angle) {
@@ -504,7 +504,7 @@ CylinderResult cylinder_at_degrees(
   // The cosine from the complement: it keeps its digits near 90 deg.
   const real tilt = tilt_deg, sine = std::sin(tilt * degree),
              cosine = std::sin((90 - std::abs(tilt)) * degree);
-  auto result = solve({size_parameter, index, sine, cosine}, size_parameter, index, folded, orders);
+  auto result = solve({size_parameter, index, sine, cosine}, size_parameter, index, folded, orders, threads);
   result.tilt_deg = tilt_deg;
   return result;
 }

@@ -59,8 +59,8 @@ struct CylinderResult {
   double error_estimate = 0;         ///< relative: of the Q's, and of T against max |T| at the same angle
 };
 
-/// tilt in radians, |tilt| <= 89.9 deg. theta in radians, [-2 pi, 2 pi], any order. orders: 0..1000. Each
-/// angle's result depends on the cylinder and that angle alone, bit for bit.
+/// tilt in radians, |tilt| <= 89.9 deg. theta in radians, [-2 pi, 2 pi], any order. orders: 0..1000.
+/// threads = 0: all cores. Each angle's result depends on the cylinder and that angle alone, bit for bit.
 ///
 /// Accuracy against Maxwell's equations solved with 50 digits, 32 cylinders, x <= 5000, tilt <= 89.5 deg: the
 /// Q's 1e-15; T 1e-16 .. 5e-15 of max |T| at the same angle, except 5e-12 for m = 1.0001 near 180 deg
@@ -81,12 +81,12 @@ struct CylinderResult {
 /// thinner than its surroundings (sin(tilt) = m < 1: no wave travels inside).
 [[nodiscard]] CylinderResult cylinder(
     double size_parameter, std::complex<double> index, double tilt, std::span<const double> theta,
-    std::span<const int> orders = {});
+    std::span<const int> orders = {}, int threads = 0);
 
 /// The same for tilt and theta in degrees, which count as exact in degrees: |tilt| <= 89.9, theta in [-360,
 /// 360].
 [[nodiscard]] CylinderResult cylinder_at_degrees(
     double size_parameter, std::complex<double> index, double tilt_deg, std::span<const double> theta_deg,
-    std::span<const int> orders = {});
+    std::span<const int> orders = {}, int threads = 0);
 
 } // namespace scatter::exact

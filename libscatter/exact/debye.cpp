@@ -18,6 +18,7 @@
 // digits are summed again.
 
 #include <scatter/exact/debye.hpp>
+#include <scatter/exact/extended_complex.hpp>
 #include <scatter/exact/extended_partial_waves.hpp>
 #include <scatter/optics/errors.hpp>
 
@@ -31,7 +32,6 @@ namespace scatter::exact {
 namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
-constexpr double extended_epsilon = 0x1p-104;
 constexpr double floor_of_whole = 1e-12; ///< orders far below the whole need no ten digits of their own
 constexpr double sure = 5e-11;           ///< estimated error above which an amplitude is summed again
 constexpr int most_orders = 1000;
@@ -42,41 +42,7 @@ constexpr int last_of_many_waves = 8;
 constexpr double few_waves = 3;
 constexpr std::size_t batch = 8; ///< orders held in memory at a time
 
-struct Complex {
-  Extended re, im;
-};
-Complex operator+(const Complex& a, const Complex& b) {
-  return {a.re + b.re, a.im + b.im};
-}
-Complex operator-(const Complex& a, const Complex& b) {
-  return {a.re - b.re, a.im - b.im};
-}
-Complex operator-(const Complex& a) {
-  return {-a.re, -a.im};
-}
-Complex operator*(const Complex& a, const Complex& b) {
-  return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-}
-Complex operator*(const Extended& a, const Complex& b) {
-  return {a * b.re, a * b.im};
-}
-Complex times(const Complex& a, double b) {
-  return {times(a.re, b), times(a.im, b)};
-}
-Complex inverse(const Complex& a) {
-  const Extended scale = Extended{1, 0} / (a.re * a.re + a.im * a.im);
-  return {scale * a.re, -(scale * a.im)};
-}
-/// a times 2^exponent; 0 where that is too small to matter to anything it could be added to.
-Complex scaled(const Complex& a, double power) {
-  return {{a.re.hi * power, a.re.lo * power}, {a.im.hi * power, a.im.lo * power}};
-}
-double abs(const Complex& a) {
-  return std::hypot(a.re.hi, a.im.hi);
-}
-Extended number(double a) {
-  return {a, 0};
-}
+using Complex = ExtendedComplex;
 
 /// f_{n+1} / f_n of psi, n = 0 .. count-1, by downward recurrence, which starts where the start's error has
 /// decayed below 1e-40 at n = count and at n = |z|.

@@ -59,8 +59,9 @@ struct DebyeResult {
     double size_parameter, std::complex<double> index, std::span<const int> orders,
     std::span<const double> theta, int threads = 0);
 
-/// The same for angles in degrees, [0, 180], which count as exact in degrees; even grids of decimals as in
-/// mie_at_degrees, whose sums, too, may be made by FFT: then numbers depend on the grid as well.
+/// The same for angles in degrees, [0, 180], which count as exact in degrees; even grids of decimals count as
+/// those decimals, as in mie_at_degrees, and estimates are of the errors there. Their sums, too, may be made
+/// by FFT: then numbers depend on the grid as well.
 [[nodiscard]] DebyeResult debye_at_degrees(
     double size_parameter, std::complex<double> index, std::span<const int> orders,
     std::span<const double> theta_deg, int threads = 0);

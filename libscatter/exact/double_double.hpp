@@ -18,6 +18,10 @@ struct DoubleDouble {
   T hi{}, lo{};
 };
 
+/// Whether T has fused_rest(a, b, p) = a b - p in one instruction.
+template <typename T>
+inline constexpr bool is_fused = false;
+
 namespace twofold {
 
 /// a + b exactly.
@@ -54,7 +58,12 @@ product(const T& a, const DoubleDouble<T>& a_halves, const U& b, const DoubleDou
 /// a b exactly.
 template <typename T, typename U>
 SCATTER_INLINE DoubleDouble<T> product(const T& a, const U& b) {
-  return product(a, halves(a), b, halves(b));
+  if constexpr (is_fused<T>) {
+    const T p = a * b;
+    return {p, fused_rest(a, b, p)};
+  } else {
+    return product(a, halves(a), b, halves(b));
+  }
 }
 
 } // namespace twofold
@@ -74,6 +83,13 @@ SCATTER_INLINE DoubleDouble<T> operator+(const DoubleDouble<T>& a, const DoubleD
 template <typename T>
 SCATTER_INLINE DoubleDouble<T> operator-(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
   return a + (-b);
+}
+
+/// a + b to within 2^-104 of |a| + |b|, for half the work: enough where both carry roundings of their own.
+template <typename T>
+SCATTER_INLINE DoubleDouble<T> quick_sum(const DoubleDouble<T>& a, const DoubleDouble<T>& b) {
+  const auto high = twofold::sum(a.hi, b.hi);
+  return twofold::ordered_sum<T>(high.hi, high.lo + (a.lo + b.lo));
 }
 
 /// U: T, or double as the same factor for every lane.

@@ -2,8 +2,8 @@
 // up as Ogita, Rump & Oishi do for dot products (2005, SIAM J. Sci. Comput. 26, 1955): their roundings go to
 // a second sum, which halves the work of full pairs.
 
+#include <scatter/exact/double_lanes.hpp>
 #include <scatter/exact/extended_partial_waves.hpp>
-#include <scatter/exact/vector_clones.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -11,58 +11,119 @@
 namespace scatter::exact {
 namespace {
 
-using Lanes = double __attribute__((vector_size(64)));
-using Pair = DoubleDouble<Lanes>;
-constexpr std::size_t lanes = sizeof(Lanes) / sizeof(double);
+constexpr std::size_t lanes = 8;     ///< angles at once
+constexpr std::size_t stretch = 16;  ///< terms at once
 constexpr std::size_t most_sets = 8; ///< side by side in one pass over the recurrence
 
 constexpr Extended pi{3.141592653589793116, 1.224646799147353207e-16};
 
-/// Sums of one set: weights' products with pi_n +- tau_n.
+/// Sums of one set over a block of angles, index part and angle: weights' products with pi_n +- tau_n.
 struct Sums {
-  Pair plus_re, plus_im, minus_re, minus_im;
+  Extended of[4][lanes];
 };
+enum Part { plus_re, plus_im, minus_re, minus_im };
 
 /// sum += weight f, where f_halves are f.hi's.
-SCATTER_INLINE void accumulate(Pair& sum, const Extended& weight, const Pair& f, const Pair& f_halves) {
-  const auto p = twofold::product(f.hi, f_halves, weight.hi, twofold::halves(weight.hi));
+template <class Lanes>
+SCATTER_INLINE void accumulate(
+    DoubleDouble<Lanes>& sum, const Extended& weight, const DoubleDouble<Lanes>& f,
+    const DoubleDouble<Lanes>& f_halves) {
+  DoubleDouble<Lanes> p;
+  if constexpr (is_fused<Lanes>)
+    p = twofold::product(f.hi, weight.hi);
+  else
+    p = twofold::product(f.hi, f_halves, weight.hi, twofold::halves(weight.hi));
   const auto added = twofold::sum(sum.hi, p.hi);
-  sum.hi = added.hi;
-  sum.lo += added.lo + (p.lo + (f.lo * weight.hi + f.hi * weight.lo));
+  sum = {added.hi, sum.lo + (added.lo + (p.lo + (f.lo * weight.hi + f.hi * weight.lo)))};
 }
 
-SCATTER_VECTOR_CLONES
-void sum_block(
-    const ExtendedWaves* const* sets, std::size_t set_count, const Extended* inverse, const Pair& t,
-    bool backward, Sums* sums) {
-  Pair pi_n{Lanes{} + 1, Lanes{}}, e{};
-  for (std::size_t set = 0; set < set_count; ++set) sums[set] = {};
+template <Instructions instructions>
+SCATTER_INLINE void sum_sets(
+    const ExtendedWaves* const* sets, std::size_t set_count, const Extended* inverse, const double* t_hi,
+    const double* t_lo, bool backward, Sums* results) {
+  using Lanes = DoubleLanes<instructions, lanes>;
+  using Pair = DoubleDouble<Lanes>;
+  const Pair t{Lanes::load(t_hi), Lanes::load(t_lo)};
+  Pair pi_n{Lanes::all(1), {}}, e{};
+  Pair sums[most_sets][4];
+  for (std::size_t set = 0; set < set_count; ++set)
+    for (Pair& sum : sums[set]) sum = {};
   const std::size_t count = sets[0]->waves.size();
-  for (std::size_t k = 0; k < count; ++k) {
-    const double n = static_cast<double>(k + 1);
-    const Pair s = t * pi_n;
-    const Pair twice{2 * pi_n.hi, 2 * pi_n.lo};
-    Pair minus = e + times(s, n);
-    Pair plus = twice - minus;
-    if (backward) {
-      // pi_n(pi - theta) = (-1)^(n+1) pi_n(theta), tau_n(pi - theta) = (-1)^n tau_n(theta).
-      const double sign = k % 2 ? -1 : 1;
-      const Pair mirrored{sign * minus.hi, sign * minus.lo};
-      minus = {sign * plus.hi, sign * plus.lo};
-      plus = mirrored;
+  // A stretch of functions for all sets: then a set's sums stay in registers.
+  Pair plus[stretch], minus[stretch], plus_halves[stretch], minus_halves[stretch];
+  for (std::size_t first = 0; first < count; first += stretch) {
+    const std::size_t terms = std::min(stretch, count - first);
+    for (std::size_t j = 0; j < terms; ++j) {
+      const std::size_t k = first + j;
+      const double n = static_cast<double>(k + 1);
+      const Pair s = t * pi_n;
+      const Pair twice{2.0 * pi_n.hi, 2.0 * pi_n.lo};
+      const Pair less = e + times(s, n), more = twice - less;
+      if (backward) {
+        // pi_n(pi - theta) = (-1)^(n+1) pi_n(theta), tau_n(pi - theta) = (-1)^n tau_n(theta).
+        const double sign = k % 2 ? -1 : 1;
+        plus[j] = {sign * less.hi, sign * less.lo};
+        minus[j] = {sign * more.hi, sign * more.lo};
+      } else {
+        plus[j] = more;
+        minus[j] = less;
+      }
+      if constexpr (!is_fused<Lanes>) {
+        minus_halves[j] = twofold::halves(minus[j].hi);
+        plus_halves[j] = twofold::halves(plus[j].hi);
+      }
+      e = e + times(s, 2 * n + 1);
+      pi_n = pi_n + (twice - e) * inverse[k];
     }
-    const Pair minus_halves = twofold::halves(minus.hi), plus_halves = twofold::halves(plus.hi);
     for (std::size_t set = 0; set < set_count; ++set) {
-      const auto& wave = sets[set]->waves[k];
-      auto& sum = sums[set];
-      accumulate(sum.plus_re, wave.plus_re, plus, plus_halves);
-      accumulate(sum.plus_im, wave.plus_im, plus, plus_halves);
-      accumulate(sum.minus_re, wave.minus_re, minus, minus_halves);
-      accumulate(sum.minus_im, wave.minus_im, minus, minus_halves);
+      const ExtendedWaves::Wave* const waves = sets[set]->waves.data() + first;
+      Pair sum_0 = sums[set][0], sum_1 = sums[set][1], sum_2 = sums[set][2], sum_3 = sums[set][3];
+      for (std::size_t j = 0; j < terms; ++j) {
+        accumulate(sum_0, waves[j].plus_re, plus[j], plus_halves[j]);
+        accumulate(sum_1, waves[j].plus_im, plus[j], plus_halves[j]);
+        accumulate(sum_2, waves[j].minus_re, minus[j], minus_halves[j]);
+        accumulate(sum_3, waves[j].minus_im, minus[j], minus_halves[j]);
+      }
+      sums[set][0] = sum_0;
+      sums[set][1] = sum_1;
+      sums[set][2] = sum_2;
+      sums[set][3] = sum_3;
     }
-    e = e + times(s, 2 * n + 1);
-    pi_n = pi_n + (twice - e) * inverse[k];
   }
+  for (std::size_t set = 0; set < set_count; ++set)
+    for (std::size_t part = 0; part < 4; ++part)
+      for (std::size_t i = 0; i < lanes; ++i)
+        results[set].of[part][i] = {sums[set][part].hi.v[i], sums[set][part].lo.v[i]};
+}
+
+using SumSets = void (*)(
+    const ExtendedWaves* const*, std::size_t, const Extended*, const double*, const double*, bool, Sums*);
+
+void sum_plain(
+    const ExtendedWaves* const* sets, std::size_t set_count, const Extended* inverse, const double* t_hi,
+    const double* t_lo, bool backward, Sums* sums) {
+  sum_sets<Instructions::plain>(sets, set_count, inverse, t_hi, t_lo, backward, sums);
+}
+#if SCATTER_X86_LANES
+__attribute__((target("avx2,fma"))) void sum_avx2(
+    const ExtendedWaves* const* sets, std::size_t set_count, const Extended* inverse, const double* t_hi,
+    const double* t_lo, bool backward, Sums* sums) {
+  sum_sets<Instructions::avx2>(sets, set_count, inverse, t_hi, t_lo, backward, sums);
+}
+__attribute__((target("avx512f,avx512dq,avx2,fma"))) void sum_avx512(
+    const ExtendedWaves* const* sets, std::size_t set_count, const Extended* inverse, const double* t_hi,
+    const double* t_lo, bool backward, Sums* sums) {
+  sum_sets<Instructions::avx512>(sets, set_count, inverse, t_hi, t_lo, backward, sums);
+}
+#endif
+
+SumSets sum_here() {
+#if SCATTER_X86_LANES
+  const std::size_t width = vector_units()[0].width;
+  if (width == 8) return sum_avx512;
+  if (width == 4) return sum_avx2;
+#endif
+  return sum_plain;
 }
 
 /// t = 1 - cos(theta') of the folded angle.
@@ -118,30 +179,32 @@ sum_partial_waves(std::span<const ExtendedWaves* const> sets, std::span<const An
   for (std::size_t k = 0; k < count; ++k)
     inverse[k] = Extended{1, 0} / Extended{static_cast<double>(k + 1), 0};
 
+  const SumSets sum_block = sum_here();
   const auto blocks = blocks_of_one_half(angles, lanes);
   const auto work = [&](std::size_t block) {
     const auto& members = blocks[block];
-    Pair t;
+    double t_hi[lanes], t_lo[lanes];
     for (std::size_t lane = 0; lane < lanes; ++lane) {
       const Extended value = one_minus_cosine(angles[members[std::min(lane, members.size() - 1)]]);
-      t.hi[lane] = value.hi;
-      t.lo[lane] = value.lo;
+      t_hi[lane] = value.hi;
+      t_lo[lane] = value.lo;
     }
     for (std::size_t start = 0; start < sets.size(); start += most_sets) {
       Sums sums[most_sets];
       const std::size_t some = std::min(most_sets, sets.size() - start);
-      sum_block(sets.data() + start, some, inverse.data(), t, angles[members[0]].backward, sums);
+      sum_block(sets.data() + start, some, inverse.data(), t_hi, t_lo, angles[members[0]].backward, sums);
       for (std::size_t set = 0; set < some; ++set)
         for (std::size_t lane = 0; lane < members.size(); ++lane) {
-          const auto value = [&](const Pair& sum) { return Extended{sum.hi[lane], sum.lo[lane]}; };
-          const auto& sum = sums[set];
-          const Extended plus_re = value(sum.plus_re), plus_im = value(sum.plus_im);
-          const Extended minus_re = value(sum.minus_re), minus_im = value(sum.minus_im);
+          const auto value = [&](Part part) { return sums[set].of[part][lane]; };
+          const Extended plus_real = value(plus_re), plus_imaginary = value(plus_im);
+          const Extended minus_real = value(minus_re), minus_imaginary = value(minus_im);
           const auto rounded = [](Extended re, Extended im) {
             return std::complex<double>{re.hi + re.lo, im.hi + im.lo};
           };
-          results[start + set].S1[members[lane]] = rounded(plus_re + minus_re, plus_im + minus_im);
-          results[start + set].S2[members[lane]] = rounded(plus_re - minus_re, plus_im - minus_im);
+          results[start + set].S1[members[lane]] =
+              rounded(plus_real + minus_real, plus_imaginary + minus_imaginary);
+          results[start + set].S2[members[lane]] =
+              rounded(plus_real - minus_real, plus_imaginary - minus_imaginary);
         }
     }
   };

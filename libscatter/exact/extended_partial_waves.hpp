@@ -1,13 +1,11 @@
 #pragma once
 
-#include <scatter/exact/double_double.hpp>
+#include <scatter/exact/extended_complex.hpp>
 #include <scatter/exact/partial_waves.hpp>
 
 /// Internal to scatter::exact: the sum over partial waves in 32 digits, for amplitudes that are what remains
 /// when much larger partial waves cancel.
 namespace scatter::exact {
-
-using Extended = DoubleDouble<double>;
 
 /// Coefficients like PartialWaves', for the forward half; index 0 is n = 1.
 struct ExtendedWaves {

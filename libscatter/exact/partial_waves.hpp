@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <utility>
 #include <vector>
 
 /// Internal to scatter::exact: what all solutions for a sphere share, from coefficients to amplitudes.
@@ -14,8 +15,9 @@ namespace scatter::exact {
 /// One set of coefficients.
 class PartialWaves {
 public:
-  /// Makes room for that many n.
-  void reserve(std::size_t count) { weights_.reserve(4 * count); }
+  PartialWaves() = default;
+  /// All at once: four per n, as weights() gives them.
+  explicit PartialWaves(std::vector<double> weights) : weights_(std::move(weights)) {}
   /// Appends the next n: plus and minus are (2n+1)/(n(n+1)) (a_n +- b_n) / 2.
   void add(std::complex<double> plus, std::complex<double> minus) {
     weights_.insert(weights_.end(), {plus.real(), plus.imag(), minus.real(), minus.imag()});

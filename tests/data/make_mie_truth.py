@@ -2,10 +2,11 @@
 """Makes mie_truth.json: Lorenz-Mie scattering by the textbook formulas in high precision.
 
 Usage: make_mie_truth.py > mie_truth.json     (needs mpmath; gmpy2 makes it fast: about five minutes)
+       make_mie_truth.py --decimal > mie_decimal_truth.json
 
 Nothing here is shared with the library's method: Bohren & Huffman (1983) eqs. 4.53, 4.61, 4.62, 4.74 and 4.47 as they
 stand, all functions by upward recurrence, with as many guard digits as the recurrence can lose. Sizes, indices and
-angles (degrees) are the exact values of their doubles.
+angles (degrees) are the exact values of their doubles; with --decimal, angles are decimals, as they are written.
 """
 import cmath
 import json
@@ -15,6 +16,8 @@ import sys
 from mpmath import mp, mpc, mpf
 
 ANGLES = [0, 1e-3, 0.1, 0.5, 10, 45, 60, 89.9, 90, 90.1, 120, 137.5, 138, 150, 179.9, 179.999, 180]
+# No double is equal to one of these.
+DECIMALS = ["0.1", "7.3", "59.9", "89.9", "90.1", "120.7", "137.9", "138.3", "165.7", "179.3", "179.9"]
 FEW = [0, 1e-3, 0.5, 45, 90, 131.25, 137.5, 138, 165, 179.999, 180]
 
 
@@ -141,6 +144,8 @@ def main():
         ("largest, dense", 50000.0, 10 + 10j, FEW),
         ("largest, index near 1", 50000.0, 1.0001, FEW),
     ]
+    if sys.argv[1:] == ["--decimal"]:
+        cases = [(name, x, m, DECIMALS) for name, x, m, _ in cases if x >= 100]
     # The big ones are independent: a pool only saves time.
     from multiprocessing import Pool
     with Pool() as pool:

@@ -223,6 +223,18 @@ TEST(Cylinder, Symmetries) {
   }
 }
 
+TEST(Cylinder, ThreadsChangeNothing) {
+  std::vector<double> theta;
+  for (int i = 0; i <= 2000; ++i) theta.push_back(-180 + 0.18 * i);
+  const std::vector<int> orders{1};
+  const auto one = cylinder_at_degrees(700, {1.5, 1e-6}, 20, theta, orders, 1),
+             many = cylinder_at_degrees(700, {1.5, 1e-6}, 20, theta, orders, 5);
+  EXPECT_EQ(one.amplitudes.T1, many.amplitudes.T1);
+  EXPECT_EQ(one.amplitudes.T3, many.amplitudes.T3);
+  EXPECT_EQ(one.orders[0].amplitudes.T2, many.orders[0].amplitudes.T2);
+  EXPECT_EQ(one.error_estimate, many.error_estimate);
+}
+
 TEST(Cylinder, NothingHappensAtTheCriticalTilt) {
   // sin(30 deg) = m: inside, the wave's argument passes from real through 0 to imaginary; the whole is
   // smooth.
