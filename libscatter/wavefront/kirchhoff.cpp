@@ -428,7 +428,7 @@ WindowPlan plan_window(
     half[0] = std::max(half[0], std::abs(std::atan2(inner(r, w.f1), inner(r, w.f0))));
     half[1] = std::max(half[1], std::abs(std::asin(std::clamp(inner(r, w.f2), -1.0, 1.0)) - w.latitude));
   }
-  const double fresnel = std::sqrt(2 / ka);
+  const double fresnel = std::sqrt(std::max(order, 2) / ka);
   for (int axis = 0; axis < 2; ++axis) {
     const double full = std::min(half[axis] + taper_begin * fresnel, 1.2);
     const double none = std::min(half[axis] + taper_end * fresnel, 1.5);

@@ -1,0 +1,164 @@
+#include "support.hpp"
+#include <scatter/exact/debye.hpp>
+#include <scatter/optics/errors.hpp>
+#include <scatter/wavefront/airy_edge.hpp>
+
+/// The diffraction integral near caustics, against the Debye series and against itself.
+namespace {
+
+using namespace support;
+
+/// A sphere traced as a general drop.
+Tracing sphere_as_drop(double radius_m, std::vector<int> orders, int rays = 1000) {
+  Tracing tracing;
+  tracing.shape = drop::cosine_series(radius_m, std::vector<double>(8, 0.0));
+  tracing.rays = rays;
+  tracing.orders = std::move(orders);
+  tracing.focal_lines = FocalLines::exact;
+  return tracing;
+}
+
+Wanted integral_at(std::vector<double> theta_deg) {
+  Wanted wanted;
+  wanted.theta_deg = std::move(theta_deg);
+  wanted.phi_deg = {0};
+  wanted.amplitudes = true;
+  wanted.per_order = true;
+  wanted.integral = true;
+  return wanted;
+}
+
+/// Root mean square of the error of S1 and of S2, each over the largest |S1| or |S2| of the order, whichever
+/// is worse.
+double error_over_peak(const FarField& field, const exact::DebyeOrder& truth, std::size_t at) {
+  double peak = 0, first = 0, second = 0;
+  const std::size_t angles = truth.S1.size();
+  for (std::size_t i = 0; i < angles; ++i) {
+    const Amplitude& a = field.order_amplitude[at * angles + i];
+    peak = std::max({peak, std::abs(truth.S1[i]), std::abs(truth.S2[i])});
+    first += std::norm(a.S1 - truth.S1[i]);
+    second += std::norm(a.S2 - truth.S2[i]);
+  }
+  return std::sqrt(std::max(first, second) / static_cast<double>(angles)) / peak;
+}
+
+struct Bow {
+  double radius_m;
+  int order;
+  double first_deg, last_deg, bound;
+};
+void PrintTo(const Bow& bow, std::ostream* to) {
+  *to << bow.radius_m * 1e3 << " mm, order " << bow.order;
+}
+
+class BowByTheIntegral : public testing::TestWithParam<Bow> {};
+
+TEST_P(BowByTheIntegral, IsDebyesTerm) {
+  const auto [radius_m, order, first, last, bound] = GetParam();
+  const auto theta = range(first, last, 0.05);
+  const int orders[] = {order};
+  const FarField field = far_field(sphere_as_drop(radius_m, {order}, 2000), red, integral_at(theta));
+  const auto truth =
+      exact::debye_at_degrees(2 * pi * radius_m / red.wavelength_m, red.index, orders, theta).orders.at(0);
+  EXPECT_LT(error_over_peak(field, truth, 0), bound);
+}
+
+// No constant is tuned.
+INSTANTIATE_TEST_SUITE_P(
+    Spheres, BowByTheIntegral,
+    testing::Values(
+        Bow{0.1e-3, 2, 133, 145, 0.01}, Bow{0.1e-3, 3, 120, 132, 0.01}, Bow{0.4e-3, 2, 133, 145, 0.003},
+        Bow{0.4e-3, 3, 120, 132, 0.003}, Bow{1e-3, 2, 133, 145, 0.0015}, Bow{1e-3, 3, 120, 132, 0.0015}));
+
+TEST(IntegralOfHighOrders, IsDebyesTermWhereTheyGraze) {
+  // Orders 6 and 7 light Alexander's band; their bows leave 8 deg and less from grazing. Order 7 is off by 8
+  // % of its peak.
+  const auto theta = range(120, 142, 0.1);
+  const std::vector<int> orders{6, 7};
+  const Tracing tracing = sphere_as_drop(0.1e-3, orders);
+  const auto truth = exact::debye_at_degrees(2 * pi * 0.1e-3 / red.wavelength_m, red.index, orders, theta);
+  const FarField field = far_field(tracing, red, integral_at(theta));
+  EXPECT_LT(error_over_peak(field, truth.orders[0], 0), 0.04);
+  EXPECT_LT(error_over_peak(field, truth.orders[1], 1), 0.1);
+}
+
+TEST(DiffractionIntegral, DoesNotDependOnThreads) {
+  const Tracing tracing = sphere_as_drop(0.2e-3, {2, 3}, 200);
+  const auto theta = range(120, 145, 0.25);
+  const compute::Device one(1), two(2);
+  const auto run = [&](const compute::Device& on) {
+    Tracer tracer(tracing, on);
+    return far_field(tracer, red, integral_at(theta));
+  };
+  EXPECT_EQ(run(one).phase_function, run(two).phase_function);
+}
+
+TEST(DiffractionIntegral, DoesNotDependOnItsWindows) {
+  // The same directions of a raindrop with others around them, so that windows have other centres and tapers.
+  Tracing tracing;
+  tracing.shape = drop::beard_chuang(0.5e-3);
+  tracing.sun_elevation_deg = 20;
+  tracing.orders = {2};
+  tracing.rays = 600;
+  tracing.focal_lines = FocalLines::exact;
+  Tracer tracer(tracing, device());
+  const auto at = [&](double first, double last, double phi_first, double phi_last) {
+    Wanted wanted = integral_at(range(first, last, 0.1));
+    wanted.phi_deg = range(phi_first, phi_last, 2);
+    return far_field(tracer, red, wanted);
+  };
+  // 136..139 deg at azimuths 62..66 deg, from the beginning and from the end of the tables.
+  const FarField early = at(136, 143, 62, 72), late = at(133, 139, 56, 66);
+  double peak = 0, worst = 0;
+  for (int t = 0; t <= 30; ++t)
+    for (int f = 0; f <= 2; ++f) {
+      const Amplitude& a = early.amplitude[t * 6 + f];
+      const Amplitude& b = late.amplitude[(t + 30) * 6 + f + 3];
+      peak = std::max({peak, std::abs(a.S1), std::abs(a.S2)});
+      worst = std::max(worst, difference(a, b));
+    }
+  EXPECT_GT(peak, 0);
+  EXPECT_LT(worst, 0.01 * peak);
+}
+
+TEST(DiffractionIntegral, RefusesWhatItCannotDo) {
+  Tracing tracing = sphere_as_drop(0.2e-3, {2}, 100);
+  tracing.focal_lines = FocalLines::rule;
+  EXPECT_THROW(far_field(tracing, red, integral_at({138})), InputError);
+}
+
+TEST(AiryEdge, HasTheTabulatedValues) {
+  // Ai and Bi at -2, -1, 0, 1, 2: DLMF 9.2 and Abramowitz & Stegun, table 10.11.
+  const double table[][3] = {
+      {-2, 0.22740743, -0.41230259},
+      {-1, 0.53556088, 0.10399739},
+      {0, 0.35502805, 0.61492663},
+      {1, 0.13529242, 1.20742359},
+      {2, 0.03492413, 3.29809500}};
+  for (const auto& [tau, Ai, Bi] : table) {
+    const AiryEdge edge = airy_edge(tau);
+    EXPECT_NEAR(std::exp(edge.log_g), 1 / (pi * (Ai * Ai + Bi * Bi)), 1e-7) << tau;
+    EXPECT_NEAR(std::remainder(edge.phase - pi / 4 - std::atan2(-Bi, Ai), 2 * pi), 0, 1e-7) << tau;
+  }
+  // Far from the rim the ray's own phase is left, with its first correction.
+  EXPECT_NEAR(
+      airy_edge(-8).phase, 2.0 / 3 * std::pow(8, 1.5) - 5.0 / 72 / (2.0 / 3 * std::pow(8, 1.5)), 1e-4);
+}
+
+TEST(AiryEdge, ComesOutOfItsSeries) {
+  const auto& series = airy_edge_series();
+  const auto sum = [&](int which, double tau) {
+    double value = 0;
+    for (int n = 0; n < edge_terms; ++n)
+      value += series[which * edge_terms + n] * std::cos(n * std::acos(tau / edge_reach));
+    return value;
+  };
+  for (double tau = -7.9; tau < 8; tau += 0.1) {
+    EXPECT_NEAR(sum(0, tau), airy_edge(tau).log_g, 3e-6) << tau;
+    EXPECT_NEAR(sum(2, tau), airy_edge(tau).phase, 3e-6) << tau;
+    const double slope = (airy_edge(tau + 1e-4).log_g - airy_edge(tau - 1e-4).log_g) / 2e-4;
+    EXPECT_NEAR(sum(1, tau), slope, 2e-5) << tau;
+  }
+}
+
+} // namespace
