@@ -189,7 +189,7 @@ INSTANTIATE_TEST_SUITE_P(
             {"--diffraction integral", "--focal-lines exact"}},
         Case{
             "IntegralOfIntensities",
-            phase({{"--diffraction", "integral"}, {"--no-interference", ""}}),
+            phase({{"--diffraction", "integral"}}, {"--no-interference"}),
             {"--diffraction integral", "--no-interference"}},
         Case{"FocalLinesUnknown", phase({{"--focal-lines", "all"}}), {"--focal-lines", "all", "exact"}},
         Case{"Tolerance", phase({{"--tolerance", "1e-3"}}), {"--tolerance", "--rays"}},
