@@ -131,7 +131,16 @@ struct Tracer::Implementation : RayProgram {
         static_cast<double>(layout.theta_deg.size()) * c.columns * (wanted.matrix ? 16.0 : 8.0) * 2;
     const double scratch =
         static_cast<double>(scratch_size()) * std::max(c.at_once * c.slices, 1) * sizeof(double);
-    return c.at_once * c.slices * c.bytes_per_slice + scratch +
+    // Shares of the diffraction integral, twice; coarse rays and windows in flight.
+    const double orders = last_order() + 1;
+    const double integral =
+        wanted.integral
+            ? c.at_once * orders *
+                      (2.0 * sizeof(float) * static_cast<double>(layout.theta_deg.size()) * c.columns +
+                       coarse_rays_bytes()) +
+                  5e8
+            : 0;
+    return c.at_once * c.slices * c.bytes_per_slice + scratch + integral +
            sizeof(double) * (values * elements + columns) + most_bytes_unfolded + 2e8;
   }
 

@@ -694,7 +694,7 @@ void add_integral(
     if (lost[0] != 0)
       throw RunError(
           "diffraction integral: " + std::to_string(lost[0]) + " rays of order " + std::to_string(order) +
-          " fell outside their window's plane");
+          " fell outside their window or are not numbers");
   };
   // Kernels are compiled at their first launch, which must not happen on several queues at once.
   work(0, plans.front(), true);

@@ -41,6 +41,12 @@ private:
   std::vector<Node> nodes_;
 };
 
+/// What coarse rays take per order while they are made.
+[[nodiscard]] constexpr double coarse_rays_bytes() {
+  return (CoarseRays::alphas + 1.0) * CoarseRays::azimuths *
+         (sizeof(CoarseRays::Node) + 2.0 * RawRays::fields * sizeof(double));
+}
+
 /// Where the integral stands in for patches: around a caustic all of it up to `inner` widths of its Airy
 /// pattern, none beyond `outer`; and where rays left at grazing incidence, up to this -tau of
 /// kernels/grazing.cl.

@@ -3,6 +3,8 @@
 #include <scatter/optics/errors.hpp>
 #include <scatter/wavefront/airy_edge.hpp>
 
+#include <cstdio>
+
 /// The diffraction integral near caustics, against the Debye series and against itself.
 namespace {
 
@@ -60,7 +62,9 @@ TEST_P(BowByTheIntegral, IsDebyesTerm) {
   const FarField field = far_field(sphere_as_drop(radius_m, {order}, 2000), red, integral_at(theta));
   const auto truth =
       exact::debye_at_degrees(2 * pi * radius_m / red.wavelength_m, red.index, orders, theta).orders.at(0);
-  EXPECT_LT(error_over_peak(field, truth, 0), bound);
+  const double error = error_over_peak(field, truth, 0);
+  std::printf("%g mm, order %d: %.2f %% of the peak\n", radius_m * 1e3, order, 100 * error);
+  EXPECT_LT(error, bound);
 }
 
 // No constant is tuned.
@@ -78,8 +82,11 @@ TEST(IntegralOfHighOrders, IsDebyesTermWhereTheyGraze) {
   const Tracing tracing = sphere_as_drop(0.1e-3, orders);
   const auto truth = exact::debye_at_degrees(2 * pi * 0.1e-3 / red.wavelength_m, red.index, orders, theta);
   const FarField field = far_field(tracing, red, integral_at(theta));
-  EXPECT_LT(error_over_peak(field, truth.orders[0], 0), 0.04);
-  EXPECT_LT(error_over_peak(field, truth.orders[1], 1), 0.1);
+  const double sixth = error_over_peak(field, truth.orders[0], 0);
+  const double seventh = error_over_peak(field, truth.orders[1], 1);
+  std::printf("order 6: %.1f %%, order 7: %.1f %% of the peak\n", 100 * sixth, 100 * seventh);
+  EXPECT_LT(sixth, 0.04);
+  EXPECT_LT(seventh, 0.1);
 }
 
 TEST(DiffractionIntegral, DoesNotDependOnThreads) {

@@ -81,7 +81,7 @@ FORCE_INLINE void outline_value(constant double* series, int terms, real cosine,
 }
 
 // The grid must be zero; [y][x][8], parts as in store_jones(). outline: cosine series of the radius and of z over the
-// azimuth. lost counts rays that fell outside the grid: none should.
+// azimuth. lost counts rays that fell outside the grid or are not numbers: none should.
 kernel void spread_rays(constant double* surface, constant job_t* job, constant window_t* window,
                         constant double* outline, constant double* tap_polynomials, global const cell_t* cells, int count,
                         global double* grid, global int* lost) {
@@ -206,6 +206,12 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       store_real(first_y, starts_y);
       for (int lane = 0; lane < RAY_LANES; ++lane) {
         if (weights[lane] == 0.0) continue;
+        double finite = weights[lane];
+        for (int part = 0; part < 8; ++part) finite += parts[part][lane];
+        if (!(fabs(finite) < 1e300 && fabs(starts_x[lane]) < 1e9 && fabs(starts_y[lane]) < 1e9)) {
+          ++lost[0];
+          continue;
+        }
         const int column = (int)starts_x[lane], row = (int)starts_y[lane];
         if (!(column >= 0 && row >= 0 && column + TAPS <= window->points[0] && row + TAPS <= window->points[1])) {
           ++lost[0];

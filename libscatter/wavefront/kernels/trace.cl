@@ -355,7 +355,9 @@ FORCE_INLINE void enter_beyond(
   const vector3 normal = surface_normal(surface, p);
   const surface_patch bent = bent_surface(surface, p, normal);
   const real curvature = incidence_curvature(surface, &bent, d), sine = 1.0 + curvature * height;
-  const real c2 = -curvature * height * (2.0 + curvature * height), inside = sqrt(1.0 - sine * sine / (n * n));
+  const real c2 = -curvature * height * (2.0 + curvature * height), inside = sqrt(fmax(1.0 - sine * sine / (n * n), 1e-4));
+  // An index next to 1 has no angle of refraction for rays far beyond the rim.
+  const real valid = select((real)(0.0), (real)(1.0), sine < 0.99995 * n);
   const fresnel f = curved_fresnel(surface + SURFACE_EDGE, n, ka / curvature, sine, c2, inside, 0);
   const vector3 s = across_plane(d, normal), in_p = cross3(s, d);
   const vector3 impact = {p.x, p.y, (real)(0.0)};
@@ -363,7 +365,7 @@ FORCE_INLINE void enter_beyond(
   const complex_real px = {f.r_p.re * in_p.x, f.r_p.im * in_p.x}, py = {f.r_p.re * in_p.y, f.r_p.im * in_p.y};
   const complex_real sx = {f.r_s.re * s.x, f.r_s.im * s.x}, sy = {f.r_s.re * s.y, f.r_s.im * s.y};
   const vector3 above = along3(p, height, normal);
-  leave(above, d, s, px, py, sx, sy, p.z, (real)(0.0), side, (real)(1.0), impact, out);
+  leave(above, d, s, px, py, sx, sy, p.z, (real)(0.0), side, valid, impact, out);
   const vector3 n_psi = normal_change(surface, &bent, p_psi);
   const vector3 tangent = {d.x / n * sine, d.y / n * sine, d.z / n * sine};
   ray->p = p;
@@ -381,7 +383,7 @@ FORCE_INLINE void enter_beyond(
   ray->path = p.z;
   ray->side = side;
   ray->axis_crossings = 0.0;
-  ray->alive = (real)(1.0);
+  ray->alive = valid;
   ray->foci = out->foci = 0.0;
   ray->spread.p_u = zero;
   ray->spread.p_v = p_psi;
