@@ -98,6 +98,18 @@ FORCE_INLINE vector3 across_plane(vector3 d, vector3 n) {
   return still_unit3(along3(s, -dot3(s, d), d));
 }
 
+// The Jones matrix of a ray that has just come in, from the (p, s) vectors of the light outside.
+FORCE_INLINE void transmit(const fresnel* f, vector3 in_p, vector3 s, ray_state* ray) {
+  ray->px.re = f->t_p.re * in_p.x;
+  ray->px.im = f->t_p.im * in_p.x;
+  ray->py.re = f->t_p.re * in_p.y;
+  ray->py.im = f->t_p.im * in_p.y;
+  ray->sx.re = f->t_s.re * s.x;
+  ray->sx.im = f->t_s.im * s.x;
+  ray->sy.re = f->t_s.re * s.y;
+  ray->sy.im = f->t_s.im * s.y;
+}
+
 // Order 0: the ray at (u, v) of the incident plane meets the drop, sends off a reflected ray and goes on inside.
 FORCE_INLINE void enter(
     constant const double* surface, double n, double k, double attenuation, SIZE_PARAMETER real u, real v, int steps,
@@ -188,14 +200,7 @@ FORCE_INLINE void enter(
   // Refracted.
   ray->p = p;
   ray->s = s;
-  ray->px.re = f.t_p.re * in_p.x;
-  ray->px.im = f.t_p.im * in_p.x;
-  ray->py.re = f.t_p.re * in_p.y;
-  ray->py.im = f.t_p.im * in_p.y;
-  ray->sx.re = f.t_s.re * s.x;
-  ray->sx.im = f.t_s.im * s.x;
-  ray->sy.re = f.t_s.re * s.y;
-  ray->sy.im = f.t_s.im * s.y;
+  transmit(&f, in_p, s, ray);
   ray->path = p.z;
   ray->side = side;
   ray->axis_crossings = 0.0;
@@ -372,14 +377,7 @@ FORCE_INLINE void enter_beyond(
   ray->d = along3(tangent, -inside, normal);
   ray->p_rest = ray->d_rest = zero;
   ray->s = s;
-  ray->px.re = f.t_p.re * in_p.x;
-  ray->px.im = f.t_p.im * in_p.x;
-  ray->py.re = f.t_p.re * in_p.y;
-  ray->py.im = f.t_p.im * in_p.y;
-  ray->sx.re = f.t_s.re * s.x;
-  ray->sx.im = f.t_s.im * s.x;
-  ray->sy.re = f.t_s.re * s.y;
-  ray->sy.im = f.t_s.im * s.y;
+  transmit(&f, in_p, s, ray);
   ray->path = p.z;
   ray->side = side;
   ray->axis_crossings = 0.0;
