@@ -20,5 +20,6 @@ void add_phase(CLI::App& app, Context& context);
 void add_validate(CLI::App& app, Context& context);
 void add_info(CLI::App& app, Context& context);
 void add_plot(CLI::App& app, Context& context);
+void add_fiber(CLI::App& app, Context& context);
 
 } // namespace scatter::app
