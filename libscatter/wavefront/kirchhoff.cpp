@@ -26,17 +26,20 @@ constexpr double oversampling = 2;       ///< of both grids of the Fourier trans
 /// The Kaiser-Bessel kernel's shape for this oversampling (Jackson et al. 1991, IEEE Trans. Med. Imaging 10,
 /// 473).
 const double beta = pi * taps * (1 - 1 / (2 * oversampling));
-/// Phase between neighbouring rays, in half-turns, at most.
-constexpr double phase_step = 0.6;
+/// Phase between neighbouring rays, in half-turns, at most: at 2 they would add up like those of another
+/// direction.
+constexpr double phase_step = 1.2;
 /// The taper begins and ends this many Fresnel widths outside the window.
-constexpr double taper_begin = 6, taper_end = 14;
+constexpr double taper_begin = 4, taper_end = 10;
 /// Change of momentum per angle between rays, at most.
 constexpr double steepest_momentum = 1.5;
 /// How far beyond the rim rays are taken, in tau of kernels/grazing.cl.
 constexpr double rim_reach = 5;
 constexpr double window_deg = 12;
-/// The taper keeps this far from the poles of theta and phi [rad], where amplitudes change fast.
-constexpr double pole_margin = 0.02;
+/// A taper begins this far behind the rim's direction [rad].
+constexpr double behind_rim = 0.02;
+/// The taper keeps this far from the poles of theta and phi [rad], where azimuths change fast.
+constexpr double pole_margin = 0.035;
 constexpr double polar_cap_deg = 8;
 
 double inner(const Vector& a, const Vector& b) {
@@ -411,7 +414,7 @@ WindowPlan plan_window(
   w.e2 = cross(w.r0, w.e1);
   // Planes of incidence cut a sphere's directions along meridians: there theta and phi serve, away from the
   // poles.
-  const bool meridians = sine > 0.35;
+  const bool meridians = sine > 0.2;
   if (meridians) {
     w.f0 = {c, s, 0};
     w.f1 = {s, -c, 0};
@@ -429,31 +432,37 @@ WindowPlan plan_window(
     half[1] = std::max(half[1], std::abs(std::asin(std::clamp(inner(r, w.f2), -1.0, 1.0)) - w.latitude));
   }
   const double fresnel = std::sqrt(std::max(order, 2) / ka);
-  for (int axis = 0; axis < 2; ++axis) {
-    const double full = std::min(half[axis] + taper_begin * fresnel, 1.2);
-    const double none = std::min(half[axis] + taper_end * fresnel, 1.5);
-    w.full[axis] = {-full, full};
-    w.none[axis] = {-none, none};
-  }
-  // The direction of rays turns back at the rim with a kink, where a taper must not fall: it begins behind.
-  constexpr double behind = 0.02;
-  const double width = (taper_end - taper_begin) * fresnel;
+  std::vector<Momentum> rim;
   if (order > 0)
-    for (int axis = meridians ? 1 : 0; axis < 2; ++axis)
-      for (int j = 0; j < CoarseRays::azimuths; ++j) {
-        const CoarseRays::Node& rim = coarse.node(order, CoarseRays::alphas, j);
-        if (!rim.valid) continue;
-        const Momentum m = momentum(w, rim);
-        const double across = m.rho[1 - axis], at = m.rho[axis];
-        if (across < w.none[1 - axis][0] || across > w.none[1 - axis][1]) continue;
-        if (at < w.full[axis][0] + behind && at > w.none[axis][0] - behind) {
-          w.full[axis][0] = at - behind;
-          w.none[axis][0] = w.full[axis][0] - width;
-        } else if (at > w.full[axis][1] - behind && at < w.none[axis][1] + behind) {
-          w.full[axis][1] = at + behind;
-          w.none[axis][1] = w.full[axis][1] + width;
+    for (int j = 0; j < CoarseRays::azimuths; ++j)
+      if (const CoarseRays::Node& node = coarse.node(order, CoarseRays::alphas, j); node.valid)
+        rim.push_back(momentum(w, node));
+  for (int axis = 0; axis < 2; ++axis)
+    for (int end = 0; end < 2; ++end) {
+      const double sign = end == 0 ? -1 : 1;
+      double full = taper_begin * fresnel, none = taper_end * fresnel, rim_ahead = -1;
+      // Before the rim the direction of rays turns fast, and Fresnel's width grows: the taper ends well
+      // before or begins behind, where the direction has turned back with a kink.
+      if (axis == 1 || !meridians)
+        for (const Momentum& m : rim) {
+          if (std::abs(m.rho[1 - axis]) > half[1 - axis] + taper_end * fresnel) continue;
+          const double ahead = sign * m.rho[axis] - half[axis];
+          if (ahead <= -behind_rim) continue;
+          const double width = std::max(fresnel, std::sqrt(8 / (ka * std::max(ahead, 1e-6))));
+          if (taper_end * width + behind_rim < ahead) {
+            full = std::max(full, taper_begin * width);
+            none = std::max(none, taper_end * width);
+          } else {
+            rim_ahead = std::max(rim_ahead, ahead + behind_rim);
+          }
         }
+      if (rim_ahead > full) {
+        full = rim_ahead;
+        none = std::max(none, full + (taper_end - taper_begin) * fresnel);
       }
+      w.full[axis][end] = sign * std::min(half[axis] + full, 1.2);
+      w.none[axis][end] = sign * std::min(half[axis] + none, 1.5);
+    }
   if (meridians) {
     // Short of the poles of the coordinates.
     for (int end = 0; end < 2; ++end) {
@@ -503,7 +512,8 @@ WindowPlan plan_window(
     return made;
   }
   // Shear across the plane of scattering, where A would vanish without: on a sphere the momentum about the
-  // light is 0.
+  // light is 0. Plane waves have -sin(theta) cos(theta) X_theta of it in these coordinates, which
+  // makes the sum good to the next order of 1 / (k a); its sign is what counts.
   const auto shear_by = [&](double shear) {
     w.shear = meridians ? std::array{shear, 0.0} : std::array{0.0, shear};
   };
@@ -520,12 +530,18 @@ WindowPlan plan_window(
     }
     return least;
   };
-  double shear = meridians ? 0.5 : 0, best = clearance(shear);
+  double turning = 0;
+  for (const auto* n : corners) {
+    const Momentum m = momentum(w, *n);
+    if (std::abs(m.rho[0]) < half[0] + fresnel && std::abs(m.rho[1]) < half[1] + fresnel) turning += m.X[1];
+  }
+  const double sign = turning * centre[2] < 0 ? 1 : -1;
+  double shear = meridians ? 0.5 * sign : 0, best = clearance(shear);
   if (best < 0.1)
     for (const double candidate : {-0.5, 0.4, -0.4, 0.8, -0.8})
-      if (const double here = clearance(candidate); here > 1.5 * best) {
+      if (const double here = clearance(candidate * sign); here > 1.5 * best) {
         best = here;
-        shear = candidate;
+        shear = candidate * sign;
       }
   shear_by(shear);
   std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
@@ -547,8 +563,8 @@ WindowPlan plan_window(
       return std::abs(to.X[0] - from.X[0]) * spread[0] + std::abs(to.X[1] - from.X[1]) * spread[1];
     };
     if (cell.alpha == CoarseRays::alphas) {
-      const CoarseRays::Node& rim = coarse.node(order, cell.alpha, cell.azimuth);
-      cell.index = rim.foci - momentum(w, rim).negative;
+      const CoarseRays::Node& edge = coarse.node(order, cell.alpha, cell.azimuth);
+      cell.index = edge.foci - momentum(w, edge).negative;
       continue;
     }
     const auto& n00 = coarse.node(order, cell.alpha, cell.azimuth);

@@ -149,7 +149,7 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       MOMENTUM_CHANGE(_v, out.spread.p_v, out.spread.d_v)
 #undef MOMENTUM_CHANGE
       const real A = X1_u * X2_v - X1_v * X2_u;
-      weight *= sqrt(fabs(A) * inverse_2);
+      weight *= sqrt(fabs(A));
       const mask opposed = (A < 0.0) != (rho_1_u * rho_2_v - rho_1_v * rho_2_u < 0.0);
       const real trace = X1_u * rho_1_u + X2_u * rho_2_u + X1_v * rho_1_v + X2_v * rho_2_v;
       const real negative =
@@ -251,6 +251,7 @@ kernel void gather_directions(constant job_t* job, constant window_t* window, gl
     const double towards = INNER(r, window->r0), east = INNER(r, window->e1);
     const double rho[2] = {
         atan2(INNER(r, window->f1), INNER(r, window->f0)), asin(clamp(INNER(r, window->f2), -1.0, 1.0)) - window->latitude};
+    const double cosine_2 = sqrt(1.0 - clamp(INNER(r, window->f2), -1.0, 1.0) * INNER(r, window->f2));
     int start[2];
     double taps[2][TAPS];
     for (int axis = 0; axis < 2; ++axis) {
@@ -277,7 +278,7 @@ kernel void gather_directions(constant job_t* job, constant window_t* window, gl
     for (int axis = 0; axis < 2; ++axis)
       half_turns += job->wave * rho[axis] * (window->centre[axis] + 0.5 * window->shear[axis] * rho[axis]);
     const double turns = half_turns - 2.0 * rint(0.5 * half_turns), c = cospi(turns), s = sinpi(turns);
-    const double factor = -scale * target.weight;
+    const double factor = -scale * target.weight / sqrt(cosine_2);
     const double4 re = factor * (c * sum.lo + s * sum.hi), im = factor * (c * sum.hi - s * sum.lo);
     const double h = r[2] < 0.0 ? -1.0 : 1.0, w = 1.0 / (1.0 + fabs(r[2]));
     const double g1[3] = {1.0 - r[0] * r[0] * w, -r[0] * r[1] * w, -h * r[0]};
