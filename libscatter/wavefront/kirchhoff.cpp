@@ -39,8 +39,10 @@ constexpr double window_deg = 12;
 /// A taper begins this far behind the rim's direction [rad].
 constexpr double behind_rim = 0.02;
 /// The taper keeps this far from the poles of theta and phi [rad], where azimuths change fast.
-constexpr double pole_margin = 0.035;
-constexpr double polar_cap_deg = 8;
+constexpr double pole_margin = 0.07;
+/// Theta and phi fail at the poles: the integral's share grows from nothing to all between these angles from
+/// them.
+constexpr double polar_cap_deg = 12, polar_cap_end_deg = 15;
 
 double inner(const Vector& a, const Vector& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -219,9 +221,11 @@ IntegralShare integral_share(
     const double outer = caustic.outer, inner_end = caustic.inner;
     const double theta = std::acos(std::clamp(caustic.direction[2], -1.0, 1.0)) / radians_per_degree;
     const double reach = outer / radians_per_degree;
-    const auto first = std::lower_bound(layout.theta_deg.begin(), layout.theta_deg.end(), theta - reach);
-    const auto end = std::upper_bound(layout.theta_deg.begin(), layout.theta_deg.end(), theta + reach);
-    if (first == end) continue;
+    const auto first = std::upper_bound(
+        layout.theta_deg.begin(), layout.theta_deg.end(), std::max(theta - reach, polar_cap_deg));
+    const auto end = std::lower_bound(
+        layout.theta_deg.begin(), layout.theta_deg.end(), std::min(theta + reach, 180 - polar_cap_deg));
+    if (first >= end) continue;
     for (int column = 0; column < columns.count(); ++column) {
       const double phi = layout.phi_deg[columns.first + column];
       // The nearest the column comes.
@@ -232,7 +236,8 @@ IntegralShare integral_share(
         const double cosine = inner(caustic.direction, direction(*t, phi));
         if (cosine < std::cos(outer)) continue;
         const double angle = std::acos(std::min(cosine, 1.0));
-        const double value = smooth_step(angle, inner_end, outer);
+        const double value = smooth_step(angle, inner_end, outer) *
+                             smooth_step(-std::min(*t, 180 - *t), -polar_cap_end_deg, -polar_cap_deg);
         if (share.empty()) share.assign(static_cast<std::size_t>(rows) * columns.count(), 0.0F);
         float& at = share[static_cast<std::size_t>(column) * rows + (t - layout.theta_deg.begin())];
         at = std::max(at, static_cast<float>(value));
@@ -407,24 +412,14 @@ WindowPlan plan_window(
   w.r0 = centre;
   w.order = order;
   w.outline_terms = outline_terms;
-  // Axes along theta and phi; at a pole any will do.
-  const double sine = std::hypot(centre[0], centre[1]);
-  const double c = sine > 0 ? centre[0] / sine : 1, s = sine > 0 ? centre[1] / sine : 0;
+  // Axes along theta and phi. Planes of incidence cut a sphere's directions along meridians.
+  const double sine = std::hypot(centre[0], centre[1]), c = centre[0] / sine, s = centre[1] / sine;
   w.e1 = {centre[2] * c, centre[2] * s, -sine};
   w.e2 = cross(w.r0, w.e1);
-  // Planes of incidence cut a sphere's directions along meridians: there theta and phi serve, away from the
-  // poles.
-  const bool meridians = sine > 0.2;
-  if (meridians) {
-    w.f0 = {c, s, 0};
-    w.f1 = {s, -c, 0};
-    w.f2 = {0, 0, -1};
-    w.latitude = -std::asin(centre[2]);
-  } else {
-    w.f0 = w.r0;
-    w.f1 = w.e1;
-    w.f2 = w.e2;
-  }
+  w.f0 = {c, s, 0};
+  w.f1 = {s, -c, 0};
+  w.f2 = {0, 0, -1};
+  w.latitude = -std::asin(centre[2]);
   std::array<double, 2> half{1e-4, 1e-4};
   for (const Target& target : made.targets) {
     const Vector r = direction(layout.theta_deg[target.row], layout.phi_deg[columns.first + target.column]);
@@ -432,28 +427,51 @@ WindowPlan plan_window(
     half[1] = std::max(half[1], std::abs(std::asin(std::clamp(inner(r, w.f2), -1.0, 1.0)) - w.latitude));
   }
   const double fresnel = std::sqrt(std::max(order, 2) / ka);
-  std::vector<Momentum> rim;
+  struct Rim {
+    Momentum last, before; ///< the rim's rays and those before them
+  };
+  std::vector<Rim> rim;
   if (order > 0)
-    for (int j = 0; j < CoarseRays::azimuths; ++j)
-      if (const CoarseRays::Node& node = coarse.node(order, CoarseRays::alphas, j); node.valid)
-        rim.push_back(momentum(w, node));
+    for (int j = 0; j < CoarseRays::azimuths; ++j) {
+      const CoarseRays::Node& last = coarse.node(order, CoarseRays::alphas, j);
+      const CoarseRays::Node& before = coarse.node(order, CoarseRays::alphas - 1, j);
+      if (last.valid && before.valid) rim.push_back({momentum(w, last), momentum(w, before)});
+    }
+  // Fresnel's width at an angle from the rim's direction: there directions turn fast.
+  const auto rim_fresnel = [&](double angle) {
+    return std::max(fresnel, std::sqrt(8 / (ka * std::max(angle, 1e-6))));
+  };
+  // How far outward so many widths reach, where the rim lies `ahead` and its rays beyond.
+  const auto reach_along_rim = [&](double widths, double ahead) {
+    double low = std::max(ahead, 0.0), high = low + 3;
+    for (int step = 0; step < 30; ++step) {
+      const double middle = 0.5 * (low + high);
+      (middle < widths * rim_fresnel(middle - ahead) ? low : high) = middle;
+    }
+    return high;
+  };
   for (int axis = 0; axis < 2; ++axis)
     for (int end = 0; end < 2; ++end) {
       const double sign = end == 0 ? -1 : 1;
       double full = taper_begin * fresnel, none = taper_end * fresnel, rim_ahead = -1;
-      // Before the rim the direction of rays turns fast, and Fresnel's width grows: the taper ends well
-      // before or begins behind, where the direction has turned back with a kink.
-      if (axis == 1 || !meridians)
-        for (const Momentum& m : rim) {
-          if (std::abs(m.rho[1 - axis]) > half[1 - axis] + taper_end * fresnel) continue;
-          const double ahead = sign * m.rho[axis] - half[axis];
-          if (ahead <= -behind_rim) continue;
-          const double width = std::max(fresnel, std::sqrt(8 / (ka * std::max(ahead, 1e-6))));
-          if (taper_end * width + behind_rim < ahead) {
-            full = std::max(full, taper_begin * width);
-            none = std::max(none, taper_end * width);
-          } else {
-            rim_ahead = std::max(rim_ahead, ahead + behind_rim);
+      // A taper ends well before the rim or begins behind it, where directions have turned back with a kink;
+      // and it takes many of its widths where it falls on the rim's own rays.
+      if (axis == 1)
+        for (const auto& [last, before] : rim) {
+          if (std::abs(last.rho[1 - axis]) > half[1 - axis] + taper_end * fresnel) continue;
+          const double ahead = sign * last.rho[axis] - half[axis];
+          if (sign * before.rho[axis] > sign * last.rho[axis]) {
+            if (ahead > none) continue;
+            full = std::max(full, reach_along_rim(taper_begin, ahead));
+            none = std::max(none, reach_along_rim(taper_end, ahead));
+          } else if (ahead > -behind_rim) {
+            const double width = rim_fresnel(ahead);
+            if (taper_end * width + behind_rim < ahead) {
+              full = std::max(full, taper_begin * width);
+              none = std::max(none, taper_end * width);
+            } else {
+              rim_ahead = std::max(rim_ahead, ahead + behind_rim);
+            }
           }
         }
       if (rim_ahead > full) {
@@ -463,14 +481,12 @@ WindowPlan plan_window(
       w.full[axis][end] = sign * std::min(half[axis] + full, 1.2);
       w.none[axis][end] = sign * std::min(half[axis] + none, 1.5);
     }
-  if (meridians) {
-    // Short of the poles of the coordinates.
-    for (int end = 0; end < 2; ++end) {
-      const double sign = end == 0 ? -1 : 1, pole = 0.5 * pi - sign * w.latitude - pole_margin;
-      if (sign * w.none[1][end] > pole) {
-        w.none[1][end] = sign * pole;
-        w.full[1][end] = sign * std::min(sign * w.full[1][end], std::max(pole - 2 * fresnel, half[1]));
-      }
+  // Short of the poles of the coordinates.
+  for (int end = 0; end < 2; ++end) {
+    const double sign = end == 0 ? -1 : 1, pole = 0.5 * pi - sign * w.latitude - pole_margin;
+    if (sign * w.none[1][end] > pole) {
+      w.none[1][end] = sign * pole;
+      w.full[1][end] = sign * std::min(sign * w.full[1][end], std::max(pole - 2 * fresnel, half[1]));
     }
   }
   // Cells of rays that may leave within the taper, and those at the rim with their continuation beyond it.
@@ -514,9 +530,7 @@ WindowPlan plan_window(
   // Shear across the plane of scattering, where A would vanish without: on a sphere the momentum about the
   // light is 0. Plane waves have -sin(theta) cos(theta) X_theta of it in these coordinates, which
   // makes the sum good to the next order of 1 / (k a); its sign is what counts.
-  const auto shear_by = [&](double shear) {
-    w.shear = meridians ? std::array{shear, 0.0} : std::array{0.0, shear};
-  };
+  const auto shear_by = [&](double shear) { w.shear = {shear, 0.0}; };
   const auto clearance = [&](double shear) {
     shear_by(shear);
     double least = 1;
@@ -536,7 +550,7 @@ WindowPlan plan_window(
     if (std::abs(m.rho[0]) < half[0] + fresnel && std::abs(m.rho[1]) < half[1] + fresnel) turning += m.X[1];
   }
   const double sign = turning * centre[2] < 0 ? 1 : -1;
-  double shear = meridians ? 0.5 * sign : 0, best = clearance(shear);
+  double shear = 0.5 * sign, best = clearance(shear);
   if (best < 0.1)
     for (const double candidate : {-0.5, 0.4, -0.4, 0.8, -0.8})
       if (const double here = clearance(candidate * sign); here > 1.5 * best) {
@@ -615,34 +629,22 @@ std::vector<WindowPlan> plan_windows(
       const float weight = share[static_cast<std::size_t>(column) * rows + row];
       if (weight == 0) continue;
       const double theta = layout.theta_deg[row], phi = layout.phi_deg[columns.first + column];
-      int band = 0, sector = 0;
-      if (theta < polar_cap_deg)
-        band = -1;
-      else if (theta > 180 - polar_cap_deg)
-        band = 1000;
-      else {
-        band = static_cast<int>(theta / window_deg);
-        const double wide = window_deg / sin_deg(std::clamp((band + 0.5) * window_deg, 10.0, 170.0));
-        sector = static_cast<int>(std::floor(phi / wide));
-      }
+      const int band = static_cast<int>(theta / window_deg);
+      const double wide = window_deg / sin_deg((band + 0.5) * window_deg);
+      const int sector = static_cast<int>(std::floor(phi / wide));
       groups[{band, sector}].push_back({column, row, weight});
     }
   std::vector<WindowPlan> plans;
-  for (auto& [key, targets] : groups) {
-    Vector centre{};
-    if (key.first < 0 || key.first == 1000) {
-      centre = {0, 0, key.first < 0 ? 1.0 : -1.0};
-    } else {
-      std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
-      for (const Target& t : targets) {
-        const double at[] = {layout.theta_deg[t.row], layout.phi_deg[columns.first + t.column]};
-        for (int axis = 0; axis < 2; ++axis) {
-          low[axis] = std::min(low[axis], at[axis]);
-          high[axis] = std::max(high[axis], at[axis]);
-        }
+  for (auto& [cell, targets] : groups) {
+    std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
+    for (const Target& t : targets) {
+      const double at[] = {layout.theta_deg[t.row], layout.phi_deg[columns.first + t.column]};
+      for (int axis = 0; axis < 2; ++axis) {
+        low[axis] = std::min(low[axis], at[axis]);
+        high[axis] = std::max(high[axis], at[axis]);
       }
-      centre = direction(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]));
     }
+    const Vector centre = direction(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]));
     WindowPlan plan =
         plan_window(coarse, order, ka, std::move(targets), layout, columns, centre, outline_terms);
     if (!plan.cells.empty()) plans.push_back(std::move(plan));

@@ -42,7 +42,8 @@ FORCE_INLINE outside_wave uniform_outside(constant const double* series, real x,
   const real c = sqrt(fabs(c2));
   const mask beyond = c2 < 0.0;
   const real ray_phase = c - s * asin(fmin(c, 1.0)), decay = s * log(s + c) - c;
-  const real tau = select(-cbrt(2.25 * x * x * ray_phase * ray_phase), cbrt(2.25 * x * x * decay * decay), beyond);
+  const real part = select(ray_phase, decay, beyond), size = cbrt(2.25 * x * x * part * part);
+  const real tau = select(-size, size, beyond);
   outside_wave w;
   // Far from grazing: Debye's approximation with its first correction.
   const real cosine = fmax(c, 1e-3);
