@@ -192,7 +192,13 @@ INSTANTIATE_TEST_SUITE_P(
             phase({{"--diffraction", "integral"}}, {"--no-interference"}),
             {"--diffraction integral", "--no-interference"}},
         Case{"FocalLinesUnknown", phase({{"--focal-lines", "all"}}), {"--focal-lines", "all", "exact"}},
-        Case{"Tolerance", phase({{"--tolerance", "1e-3"}}), {"--tolerance", "--rays"}},
+        Case{
+            "ToleranceOutOfReach",
+            phase({{"--theta", "120:150:1"}, {"--phi", "0"}, {"--tolerance", "1e-6"}}),
+            {"--tolerance", "out of reach", "--orders"}},
+        Case{"ToleranceOfAll", phase({{"--tolerance", "100%"}}), {"--tolerance", "100%", "0.01"}},
+        Case{"ToleranceNegative", phase({{"--tolerance", "-1%"}}), {"--tolerance", "-1%"}},
+        Case{"ToleranceWord", phase({{"--tolerance", "good"}}), {"--tolerance", "good"}},
         Case{
             "RasterOfUnevenAngles",
             phase({{"--theta", "1,2,4"}, {"--search", "raster"}}),
