@@ -27,6 +27,7 @@ const std::vector<Case>& cases() {
        run_bow_angles},
       {"exact", "exact spheres, Debye series and cylinders at their hard cases against arbitrary precision",
        run_exact},
+      {"fiber-waves", "the lobes of rays in fibres against the exact cylinder, by radius", run_fiber_waves},
   };
   return all;
 }

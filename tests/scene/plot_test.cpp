@@ -158,6 +158,29 @@ TEST(Plot, AFailingOrMissingGnuplotIsARunErrorAndLeavesNoFile) {
   std::filesystem::remove_all(folder);
 }
 
+TEST(PolarPlot, GoesAroundWithItsAnglesAndLabels) {
+  PolarPlot plot;
+  plot.title = "around";
+  Curve curve;
+  curve.label = "lobe";
+  curve.colour = "#123456";
+  for (int degrees = -180; degrees <= 180; degrees += 5) {
+    curve.x.push_back(degrees);
+    curve.y.push_back(degrees < 0 ? 0.25 : 1);
+  }
+  plot.curves = {curve};
+  const std::string svg = draw(plot, PictureFormat::svg);
+  for (const char* const words : {"around", "lobe", "-150°", "90°", "180°"})
+    EXPECT_THAT(svg, testing::HasSubstr(words));
+  EXPECT_EQ(svg, draw(plot, PictureFormat::svg));
+  plot.curves[0].y[3] = -1;
+  EXPECT_THROW((void)draw(plot, PictureFormat::svg), std::invalid_argument);
+  plot.curves[0].y.assign(plot.curves[0].x.size(), 0.0);
+  EXPECT_THROW((void)draw(plot, PictureFormat::svg), std::invalid_argument);
+  plot.curves.clear();
+  EXPECT_THROW((void)draw(plot, PictureFormat::svg), std::invalid_argument);
+}
+
 TEST(ColourImage, IsDrawnPixelByPixelWithItsAxes) {
   ColourImage image{.title = "two colours", .x_label = "radius", .y_label = "angle"};
   image.x_first = 10;
