@@ -1,0 +1,246 @@
+#include <scatter/fiber/quadrature.hpp>
+#include <scatter/fiber/thread.hpp>
+#include <scatter/optics/errors.hpp>
+#include <scatter/optics/fresnel.hpp>
+#include <scatter/optics/units.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+namespace scatter::fiber {
+namespace {
+
+constexpr double along_thread = 1e-8; // cosine of the inclination
+constexpr double cos2_floor = 1e-8;   // of cos^2 theta_d
+constexpr double half_turn = pi;
+constexpr double right_angle = pi / 2;
+
+double gaussian(double deviation, double x) {
+  const double scaled = x / deviation;
+  return std::exp(-0.5 * scaled * scaled) / (deviation * std::sqrt(2 * pi));
+}
+
+/// Distribution function of the standard normal.
+double normal_cdf(double x) {
+  return 0.5 * std::erfc(-x * std::sqrt(0.5));
+}
+
+/// x with normal_cdf(x) = p, within [low, high]: Newton kept inside a bracket.
+double normal_quantile(double p, double low, double high) {
+  low = std::max(low, -38.0);
+  high = std::min(high, 38.0);
+  double x = 0;
+  for (int step = 0; step < 200 && high - low > 1e-15 * (1 + std::abs(x)); ++step) {
+    const double error = normal_cdf(x) - p;
+    if (error == 0) break;
+    (error > 0 ? high : low) = x;
+    const double newton = x - error / gaussian(1, x);
+    const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
+    if (std::abs(next - x) < 1e-15 * (1 + std::abs(x))) return next;
+    x = next;
+  }
+  return x;
+}
+
+/// A Gaussian in theta_h cut to the inclinations of the light that there are.
+struct TruncatedGaussian {
+  double deviation, theta_o, first, last; ///< first, last: in deviations
+
+  TruncatedGaussian(double deviation_, double theta_o_)
+      : deviation(deviation_), theta_o(theta_o_), first(0.5 * (theta_o - right_angle) / deviation),
+        last(0.5 * (theta_o + right_angle) / deviation) {}
+  /// Per radian of theta_i.
+  [[nodiscard]] double density(double theta_i) const {
+    return 0.5 * gaussian(deviation, 0.5 * (theta_i + theta_o)) / (normal_cdf(last) - normal_cdf(first));
+  }
+  [[nodiscard]] double sample(double u) const {
+    const double low = normal_cdf(first), high = normal_cdf(last);
+    return 2 * deviation * normal_quantile(low + u * (high - low), first, last) - theta_o;
+  }
+};
+
+/// 1/cos^2 theta_d over theta_i, normalised: cos theta_o / (4 cos^2 theta_d).
+double spread_density(double theta_i, double theta_o) {
+  const double c = std::cos(0.5 * (theta_o - theta_i));
+  return std::cos(theta_o) / (4 * c * c);
+}
+double spread_sample(double theta_o, double u) {
+  // The integral is tan((theta_i - theta_o) / 2), from theta_i = -90 to 90 deg.
+  const double low = std::tan(-0.5 * (right_angle + theta_o)), high = std::tan(0.5 * (right_angle - theta_o));
+  return theta_o + 2 * std::atan(low + u * (high - low));
+}
+
+constexpr int weight_steps = 12;
+
+} // namespace
+
+SurfaceLobe parse_surface_lobe(const std::string& name) {
+  for (const auto lobe : {SurfaceLobe::printed, SurfaceLobe::energy_true})
+    if (name == surface_lobe_name(lobe)) return lobe;
+  throw InputError(quote(name) + " is no surface lobe: use printed or energy-true");
+}
+
+const char* surface_lobe_name(SurfaceLobe lobe) {
+  return lobe == SurfaceLobe::printed ? "printed" : "energy-true";
+}
+
+void check(const ThreadParameters& thread, const std::string& where) {
+  const auto refuse = [&](const std::string& field, double value, const std::string& right) {
+    std::ostringstream message;
+    message << where << field << ": " << value << " is not possible; " << right;
+    throw InputError(message.str());
+  };
+  // Written so that what is not a number is refused.
+  if (!(thread.eta > 1 && thread.eta <= 10))
+    refuse("eta", thread.eta, "a refractive index is above 1, up to 10, such as 1.46");
+  if (!(thread.kd >= 0 && thread.kd <= 1)) refuse("kd", thread.kd, "use a share from 0 to 1");
+  for (const auto& [field, value] :
+       {std::pair{"gamma_s_deg", thread.gamma_s}, std::pair{"gamma_v_deg", thread.gamma_v}})
+    if (!(value >= 0.01 * radians_per_degree * (1 - 1e-12) && value < right_angle))
+      refuse(
+          field, value / radians_per_degree,
+          "a lobe's standard deviation is from 0.01 up to, but not including, 90 degrees");
+  for (int c = 0; c < 3; ++c)
+    if (!(thread.albedo[c] >= 0 && thread.albedo[c] <= 1))
+      refuse("albedo", thread.albedo[c], "each of red, green and blue (with albedo_scale) is from 0 to 1");
+}
+
+Thread::Thread(const ThreadParameters& parameters, SurfaceLobe surface)
+    : parameters_(parameters), surface_(surface),
+      surface_scale_(surface == SurfaceLobe::printed ? 1 : 0.125) {
+  check(parameters_, "");
+  // Energies of the three lobes, roughly: they only steer the sampling.
+  const auto rule = gauss_legendre(12);
+  const double mean_albedo = (parameters_.albedo.x + parameters_.albedo.y + parameters_.albedo.z) / 3;
+  for (int step = 0; step < weight_steps; ++step) {
+    const double theta_o = right_angle * (step + 0.5) / weight_steps;
+    const TruncatedGaussian narrow(parameters_.gamma_s, theta_o), wide(parameters_.gamma_v, theta_o);
+    LobeWeights energy{};
+    const auto add = [&](std::size_t lobe, double theta_i, double per_theta) {
+      const double g = (1 - parameters_.kd) * gaussian(parameters_.gamma_v, 0.5 * (theta_i + theta_o));
+      const double isotropic = parameters_.kd / std::max(g + parameters_.kd, 1e-300);
+      for (std::size_t p = 0; p < rule.x.size(); ++p) {
+        const ThreadLobes value = lobes({theta_i, theta_o, half_turn * 0.5 * (1 + rule.x[p])});
+        const double volume = mean_albedo * value.volume;
+        const double share = lobe == 0   ? value.surface
+                             : lobe == 1 ? volume * (1 - isotropic)
+                                         : volume * isotropic;
+        energy[lobe] += rule.weight[p] * share * std::pow(std::cos(theta_i), 2) / per_theta;
+      }
+    };
+    for (int k = 0; k < 8; ++k) {
+      const double u = (k + 0.5) / 8;
+      const double s = narrow.sample(u), v = wide.sample(u), i = spread_sample(theta_o, u);
+      add(0, s, narrow.density(s));
+      add(1, v, wide.density(v));
+      add(2, i, spread_density(i, theta_o));
+    }
+    const double sum = energy[0] + energy[1] + energy[2];
+    // None is ever left out: each is needed where it is the largest.
+    for (double& e : energy) e = (sum > 0 ? e / sum : 0) * 0.85 + 0.05;
+    weights_.push_back(energy);
+  }
+}
+
+Thread::LobeWeights Thread::lobe_weights(double theta_o) const {
+  const double at = std::abs(theta_o) / right_angle * weight_steps;
+  return weights_[std::min(static_cast<std::size_t>(std::max(at, 0.0)), weights_.size() - 1)];
+}
+
+ThreadLobes Thread::lobes(const Angles& angles) const {
+  const double cos_i = std::cos(angles.theta_i), cos_o = std::cos(angles.theta_o);
+  if (!(cos_i > along_thread && cos_o > along_thread)) return {};
+  const double theta_h = angles.theta_h(), cos_d = std::cos(angles.theta_d());
+  const double cos_half = std::max(std::cos(0.5 * angles.phi), 0.0);
+  const auto energy = fresnel_energy(parameters_.eta, std::clamp(cos_d * cos_half, 0.0, 1.0));
+  const double reflected = 0.5 * (energy.reflectivity_perpendicular + energy.reflectivity_parallel);
+  const double entering = 0.5 * (energy.transmissivity_perpendicular + energy.transmissivity_parallel);
+  const double spread = 1 / std::max(cos_d * cos_d, cos2_floor);
+  return {
+      surface_scale_ * reflected * cos_half * gaussian(parameters_.gamma_s, theta_h) * spread,
+      entering * entering * ((1 - parameters_.kd) * gaussian(parameters_.gamma_v, theta_h) + parameters_.kd) /
+          (cos_i + cos_o) * spread};
+}
+
+glm::dvec3 Thread::eval(const Angles& angles) const {
+  const ThreadLobes value = lobes(angles);
+  return glm::dvec3(value.surface) + value.volume * parameters_.albedo;
+}
+
+glm::dvec3 Thread::albedo(double theta_o) const {
+  // Panels between the kernels' centre and multiples of their widths; the azimuth is smooth on 0..pi.
+  static const Quadrature rule = gauss_legendre(20);
+  std::vector<double> edges{-right_angle, right_angle};
+  for (const double gamma : {parameters_.gamma_s, parameters_.gamma_v})
+    for (int k = -9; k <= 9; ++k) {
+      const double edge = 2 * gamma * k - theta_o;
+      if (std::abs(edge) < right_angle) edges.push_back(edge);
+    }
+  // cos theta_i goes to zero at both ends, at one of them beside cos theta_d: graded panels.
+  for (double distance = 0.3; distance > 1e-5; distance *= 0.4) {
+    edges.push_back(right_angle - distance);
+    edges.push_back(distance - right_angle);
+  }
+  std::ranges::sort(edges);
+  ThreadLobes sum;
+  for (std::size_t e = 1; e < edges.size(); ++e) {
+    const double half = 0.5 * (edges[e] - edges[e - 1]), middle = 0.5 * (edges[e] + edges[e - 1]);
+    if (!(half > 0)) continue;
+    for (std::size_t i = 0; i < rule.x.size(); ++i) {
+      const double theta_i = middle + half * rule.x[i], c = std::cos(theta_i);
+      for (int panel = 0; panel < 2; ++panel)
+        for (std::size_t p = 0; p < rule.x.size(); ++p) {
+          const double phi = half_turn * (0.25 + 0.5 * panel + 0.25 * rule.x[p]);
+          const ThreadLobes value = lobes({theta_i, theta_o, phi});
+          const double weight = rule.weight[i] * half * rule.weight[p] * 0.5 * half_turn * c * c;
+          sum.surface += weight * value.surface;
+          sum.volume += weight * value.volume;
+        }
+    }
+  }
+  return glm::dvec3(sum.surface) + sum.volume * parameters_.albedo;
+}
+
+double Thread::pdf(const Angles& angles) const {
+  const double cos_i = std::cos(angles.theta_i), cos_o = std::cos(angles.theta_o);
+  if (!(cos_i > along_thread && cos_o > along_thread)) return 0;
+  const LobeWeights w = lobe_weights(angles.theta_o);
+  const double theta_i = angles.theta_i, theta_o = angles.theta_o;
+  const double surface = TruncatedGaussian(parameters_.gamma_s, theta_o).density(theta_i) *
+                         std::max(std::cos(0.5 * angles.phi), 0.0) / 4;
+  const double volume = TruncatedGaussian(parameters_.gamma_v, theta_o).density(theta_i) / (2 * pi);
+  const double isotropic = spread_density(theta_i, theta_o) / (2 * pi);
+  return (w[0] * surface + w[1] * volume + w[2] * isotropic) / cos_i;
+}
+
+ThreadSample Thread::sample(double theta_o, const std::array<double, 3>& u) const {
+  ThreadSample picked;
+  const LobeWeights w = lobe_weights(theta_o);
+  picked.phi = (2 * u[1] - 1) * pi;
+  if (u[2] < w[0]) {
+    picked.theta_i = TruncatedGaussian(parameters_.gamma_s, theta_o).sample(u[0]);
+    picked.phi = 2 * std::asin(2 * u[1] - 1);
+  } else if (u[2] < w[0] + w[1]) {
+    picked.theta_i = TruncatedGaussian(parameters_.gamma_v, theta_o).sample(u[0]);
+  } else {
+    picked.theta_i = spread_sample(theta_o, u[0]);
+  }
+  picked.theta_i = std::clamp(picked.theta_i, -right_angle, right_angle);
+  const Angles at{picked.theta_i, theta_o, picked.phi};
+  picked.pdf = pdf(at);
+  if (picked.pdf > 0) picked.weight = eval(at) * (std::cos(at.theta_i) / picked.pdf);
+  return picked;
+}
+
+Angles thread_angles(const Frame& frame, const glm::dvec3& to_light, const glm::dvec3& to_eye) {
+  const auto inclined = [&](const glm::dvec3& w) {
+    return std::atan2(
+        glm::dot(w, frame.tangent), std::hypot(glm::dot(w, frame.normal), glm::dot(w, frame.binormal)));
+  };
+  return {
+      inclined(to_light), inclined(to_eye), wrap_angle(azimuth(frame, to_eye) - azimuth(frame, to_light))};
+}
+
+} // namespace scatter::fiber
