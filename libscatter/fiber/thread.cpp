@@ -1,4 +1,4 @@
-#include <scatter/fiber/quadrature.hpp>
+#include <scatter/fiber/legendre_rule.hpp>
 #include <scatter/fiber/thread.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/fresnel.hpp>
@@ -112,7 +112,7 @@ Thread::Thread(const ThreadParameters& parameters, SurfaceLobe surface)
       surface_scale_(surface == SurfaceLobe::printed ? 1 : 0.125) {
   check(parameters_, "");
   // Energies of the three lobes, roughly: they only steer the sampling.
-  const auto rule = gauss_legendre(12);
+  const auto rule = legendre_rule(12);
   const double mean_albedo = (parameters_.albedo.x + parameters_.albedo.y + parameters_.albedo.z) / 3;
   for (int step = 0; step < weight_steps; ++step) {
     const double theta_o = right_angle * (step + 0.5) / weight_steps;
@@ -171,7 +171,7 @@ glm::dvec3 Thread::eval(const Angles& angles) const {
 
 glm::dvec3 Thread::albedo(double theta_o) const {
   // Panels between the kernels' centre and multiples of their widths; the azimuth is smooth on 0..pi.
-  static const Quadrature rule = gauss_legendre(20);
+  static const LegendreRule rule = legendre_rule(20);
   std::vector<double> edges{-right_angle, right_angle};
   for (const double gamma : {parameters_.gamma_s, parameters_.gamma_v})
     for (int k = -9; k <= 9; ++k) {

@@ -1,4 +1,4 @@
-#include <scatter/fiber/quadrature.hpp>
+#include <scatter/fiber/legendre_rule.hpp>
 #include <scatter/fiber/weave.hpp>
 #include <scatter/fiber/weave_kernel.hpp>
 #include <scatter/optics/errors.hpp>
@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -168,9 +169,9 @@ Cloth::Cloth(const Weave& weave, int samples, SurfaceLobe surface)
     made.contrast = (thread.eta - 1) * (thread.eta + 1);
     made.surface_height =
         (surface == SurfaceLobe::printed ? 1 : 0.125) / (thread.gamma_s * std::sqrt(2 * pi));
-    made.surface_rate = 0.5 / (thread.gamma_s * thread.gamma_s);
+    made.surface_rate = 0.5 * std::numbers::log2e / (thread.gamma_s * thread.gamma_s);
     made.volume_height = (1 - thread.kd) / (thread.gamma_v * std::sqrt(2 * pi));
-    made.volume_rate = 0.5 / (thread.gamma_v * thread.gamma_v);
+    made.volume_rate = 0.5 * std::numbers::log2e / (thread.gamma_v * thread.gamma_v);
     made.isotropic = thread.kd;
     for (int channel = 0; channel < 3; ++channel) made.albedo[channel] = thread.albedo[channel];
     for (const auto member : {&Tangent::cos_offset, &Tangent::sin_offset, &Tangent::share}) {
@@ -187,7 +188,7 @@ Cloth::Cloth(const Weave& weave, int samples, SurfaceLobe surface)
   }
   kernel_->weave = {
       kernel_->strands.data(), kernel_->strands.size(), std::max(1 - covered, 0.0),
-      0.5 / (weave_.masking_width * weave_.masking_width)};
+      2 * std::numbers::log2e / (weave_.masking_width * weave_.masking_width)};
 }
 
 Cloth::~Cloth() = default;
@@ -300,7 +301,7 @@ namespace {
 template <typename Add>
 void over_hemisphere(int rings, const Add& add) {
   if (rings < 2 || rings > 4096) refuse("rings: ", rings, " is not possible; use 2 to 4096");
-  const auto rule = gauss_legendre(static_cast<std::size_t>(std::min(rings, 1000)));
+  const auto rule = legendre_rule(static_cast<std::size_t>(std::min(rings, 1000)));
   const int azimuths = 2 * rings;
   std::vector<glm::dvec3> directions(azimuths);
   for (std::size_t ring = 0; ring < rule.x.size(); ++ring) {

@@ -6,9 +6,9 @@ namespace scatter::fiber {
 namespace {
 
 using lane::arc_squared;
-using lane::exponential;
 using lane::inverse_root;
 using lane::larger;
+using lane::power_of_two;
 using lane::smaller;
 
 /// (1 - u) a b + u min(a, b)
@@ -31,7 +31,7 @@ struct InThread {
 
 } // namespace
 
-SCATTER_VECTOR_CLONES
+SCATTER_INTEGER_VECTOR_CLONES
 void evaluate_block(const WeaveConstants& weave, WeaveBlock& block) {
   double projected[weave_lanes], value[3][weave_lanes];
   for (std::size_t l = 0; l < weave_lanes; ++l) {
@@ -58,7 +58,7 @@ void evaluate_block(const WeaveConstants& weave, WeaveBlock& block) {
       const double z = in.z_i[l] * in.inverse_i[l] + in.z_r[l] * in.inverse_r[l];
       const double square = larger(0.25 * (t * t + z * z), 1e-200);
       const double half_cosine = square * inverse_root(square);
-      in.together[l] = exponential(-4 * masking_rate * arc_squared(larger(1 - half_cosine, 0)));
+      in.together[l] = power_of_two(-masking_rate * arc_squared(larger(1 - half_cosine, 0)));
       sums.surface[l] = sums.volume[l] = sums.projected[l] = 0;
     }
     const double contrast = strand.contrast, index2 = contrast + 1;
@@ -89,7 +89,7 @@ void evaluate_block(const WeaveConstants& weave, WeaveBlock& block) {
         const double x = unit_i + unit_r, y = y_i * inverse_i + y_r * inverse_r;
         const double half2 = larger(0.25 * (x * x + y * y), 1e-200);
         const double half_cosine = smaller(half2 * inverse_root(half2), 1);
-        const double together = exponential(-4 * masking_rate * arc_squared(1 - half_cosine));
+        const double together = power_of_two(-masking_rate * arc_squared(1 - half_cosine));
         const double masked = blend(together, unit_i, unit_r);
         const double seen = share * blend(in.together[l], x_i * in.inverse_i[l], x_r * in.inverse_r[l]);
         // Fresnel, unpolarised; the transmitted share without cancellation at grazing incidence.
@@ -105,11 +105,11 @@ void evaluate_block(const WeaveConstants& weave, WeaveBlock& block) {
         const double entering = 2 * incidence * inside *
                                 (first_inverse * first_inverse + index2 * second_inverse * second_inverse);
         const double surface =
-            surface_height * reflected * half_cosine * exponential(-surface_rate * theta_h2);
+            surface_height * reflected * half_cosine * power_of_two(-surface_rate * theta_h2);
         const double volume = entering * entering *
-                              (volume_height * exponential(-volume_rate * theta_h2) + isotropic) / cosines;
+                              (volume_height * power_of_two(-volume_rate * theta_h2) + isotropic) / cosines;
         // Not along the thread.
-        const double weight = square_i > 1e-16 && square_r > 1e-16 ? seen * masked * cos_i * spread : 0;
+        const double weight = (smaller(square_i, square_r) > 1e-16 ? seen : 0) * masked * cos_i * spread;
         sums.surface[l] += weight * surface;
         sums.volume[l] += weight * volume;
         sums.projected[l] += seen;

@@ -9,7 +9,7 @@ namespace scatter::fiber {
 struct StrandConstants {
   double cos_direction = 1, sin_direction = 0, coverage = 0;
   double contrast = 0;                         ///< eta^2 - 1
-  double surface_height = 0, surface_rate = 0; ///< height exp(-rate theta_h^2)
+  double surface_height = 0, surface_rate = 0; ///< height 2^(-rate theta_h^2)
   double volume_height = 0, volume_rate = 0, isotropic = 0;
   double albedo[3] = {0, 0, 0};
   const double* cos_offset = nullptr;
@@ -22,7 +22,7 @@ struct WeaveConstants {
   const StrandConstants* strands = nullptr;
   std::size_t count = 0;
   double gap = 0;          ///< 1 - sum of coverages
-  double masking_rate = 0; ///< 1 / (2 s^2)
+  double masking_rate = 0; ///< 2^(-rate (d/2)^2) is u
 };
 
 inline constexpr std::size_t weave_lanes = 16;

@@ -6,11 +6,11 @@
 /// Internal to scatter::fiber: Gauss-Legendre quadrature.
 namespace scatter::fiber {
 
-struct Quadrature {
+struct LegendreRule {
   std::vector<double> x, weight;
 };
 
 /// Nodes and weights on [-1, 1], increasing; to 1e-15. count 1..1000.
-[[nodiscard]] Quadrature gauss_legendre(std::size_t count);
+[[nodiscard]] LegendreRule legendre_rule(std::size_t count);
 
 } // namespace scatter::fiber

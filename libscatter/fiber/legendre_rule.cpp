@@ -1,12 +1,12 @@
-#include <scatter/fiber/quadrature.hpp>
+#include <scatter/fiber/legendre_rule.hpp>
 
 #include <cmath>
 #include <numbers>
 
 namespace scatter::fiber {
 
-Quadrature gauss_legendre(std::size_t count) {
-  Quadrature rule{std::vector<double>(count), std::vector<double>(count)};
+LegendreRule legendre_rule(std::size_t count) {
+  LegendreRule rule{std::vector<double>(count), std::vector<double>(count)};
   const auto n = static_cast<double>(count);
   for (std::size_t i = 0; i < (count + 1) / 2; ++i) {
     double x = std::cos(std::numbers::pi * (static_cast<double>(i) + 0.75) / (n + 0.5)), slope = 1;
