@@ -1,4 +1,5 @@
 #include <scatter/fiber/legendre_rule.hpp>
+#include <scatter/fiber/longitudinal.hpp>
 #include <scatter/fiber/thread.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/fresnel.hpp>
@@ -17,62 +18,32 @@ constexpr double cos2_floor = 1e-8;   // of cos^2 theta_d
 constexpr double half_turn = pi;
 constexpr double right_angle = pi / 2;
 
-double gaussian(double deviation, double x) {
-  const double scaled = x / deviation;
-  return std::exp(-0.5 * scaled * scaled) / (deviation * std::sqrt(2 * pi));
+double squared(double x) {
+  return x * x;
 }
 
-/// Distribution function of the standard normal.
-double normal_cdf(double x) {
-  return 0.5 * std::erfc(-x * std::sqrt(0.5));
+/// A Gaussian in theta_h, as a distribution of the other direction's inclination.
+TruncatedNormal around_cone(double gamma, double theta) {
+  return {-theta, 2 * gamma, -right_angle, right_angle};
 }
 
-/// x with normal_cdf(x) = p, within [low, high]: Newton kept inside a bracket.
-double normal_quantile(double p, double low, double high) {
-  low = std::max(low, -38.0);
-  high = std::min(high, 38.0);
-  double x = 0;
-  for (int step = 0; step < 200 && high - low > 1e-15 * (1 + std::abs(x)); ++step) {
-    const double error = normal_cdf(x) - p;
-    if (error == 0) break;
-    (error > 0 ? high : low) = x;
-    const double newton = x - error / gaussian(1, x);
-    const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
-    if (std::abs(next - x) < 1e-15 * (1 + std::abs(x))) return next;
-    x = next;
-  }
-  return x;
-}
-
-/// A Gaussian in theta_h cut to the inclinations of the light that there are.
-struct TruncatedGaussian {
-  double deviation, theta_o, first, last; ///< first, last: in deviations
-
-  TruncatedGaussian(double deviation_, double theta_o_)
-      : deviation(deviation_), theta_o(theta_o_), first(0.5 * (theta_o - right_angle) / deviation),
-        last(0.5 * (theta_o + right_angle) / deviation) {}
-  /// Per radian of theta_i.
-  [[nodiscard]] double density(double theta_i) const {
-    return 0.5 * gaussian(deviation, 0.5 * (theta_i + theta_o)) / (normal_cdf(last) - normal_cdf(first));
-  }
-  [[nodiscard]] double sample(double u) const {
-    const double low = normal_cdf(first), high = normal_cdf(last);
-    return 2 * deviation * normal_quantile(low + u * (high - low), first, last) - theta_o;
-  }
-};
-
-/// 1/cos^2 theta_d over theta_i, normalised: cos theta_o / (4 cos^2 theta_d).
+/// 1/cos^2 theta_d over theta_o, normalised: cos theta_i / (4 cos^2 theta_d).
 double spread_density(double theta_i, double theta_o) {
-  const double c = std::cos(0.5 * (theta_o - theta_i));
-  return std::cos(theta_o) / (4 * c * c);
+  return std::cos(theta_i) / (4 * squared(std::cos(0.5 * (theta_o - theta_i))));
 }
-double spread_sample(double theta_o, double u) {
-  // The integral is tan((theta_i - theta_o) / 2), from theta_i = -90 to 90 deg.
-  const double low = std::tan(-0.5 * (right_angle + theta_o)), high = std::tan(0.5 * (right_angle - theta_o));
-  return theta_o + 2 * std::atan(low + u * (high - low));
+double spread_sample(double theta_i, double u) {
+  // The integral is tan((theta_o - theta_i) / 2), from theta_o = -90 to 90 deg.
+  const double low = std::tan(-0.5 * (right_angle + theta_i)), high = std::tan(0.5 * (right_angle - theta_i));
+  return theta_i + 2 * std::atan(low + u * (high - low));
 }
 
 constexpr int weight_steps = 12;
+
+/// Of the volume's light.
+double isotropic_share(const ThreadParameters& thread, double theta_h) {
+  const double g = (1 - thread.kd) * gaussian(squared(thread.gamma_v), theta_h);
+  return thread.kd / std::max(g + thread.kd, 1e-300);
+}
 
 } // namespace
 
@@ -115,27 +86,27 @@ Thread::Thread(const ThreadParameters& parameters, SurfaceLobe surface)
   const auto rule = legendre_rule(12);
   const double mean_albedo = (parameters_.albedo.x + parameters_.albedo.y + parameters_.albedo.z) / 3;
   for (int step = 0; step < weight_steps; ++step) {
-    const double theta_o = right_angle * (step + 0.5) / weight_steps;
-    const TruncatedGaussian narrow(parameters_.gamma_s, theta_o), wide(parameters_.gamma_v, theta_o);
+    const double theta_i = right_angle * (step + 0.5) / weight_steps;
+    const auto narrow = around_cone(parameters_.gamma_s, theta_i);
+    const auto wide = around_cone(parameters_.gamma_v, theta_i);
     LobeWeights energy{};
-    const auto add = [&](std::size_t lobe, double theta_i, double per_theta) {
-      const double g = (1 - parameters_.kd) * gaussian(parameters_.gamma_v, 0.5 * (theta_i + theta_o));
-      const double isotropic = parameters_.kd / std::max(g + parameters_.kd, 1e-300);
+    const auto add = [&](std::size_t lobe, double theta_o, double per_theta) {
+      const double isotropic = isotropic_share(parameters_, 0.5 * (theta_i + theta_o));
       for (std::size_t p = 0; p < rule.x.size(); ++p) {
         const ThreadLobes value = lobes({theta_i, theta_o, half_turn * 0.5 * (1 + rule.x[p])});
         const double volume = mean_albedo * value.volume;
         const double share = lobe == 0   ? value.surface
                              : lobe == 1 ? volume * (1 - isotropic)
                                          : volume * isotropic;
-        energy[lobe] += rule.weight[p] * share * std::pow(std::cos(theta_i), 2) / per_theta;
+        energy[lobe] += rule.weight[p] * share * squared(std::cos(theta_o)) / per_theta;
       }
     };
     for (int k = 0; k < 8; ++k) {
       const double u = (k + 0.5) / 8;
-      const double s = narrow.sample(u), v = wide.sample(u), i = spread_sample(theta_o, u);
+      const double s = narrow.sample(u), v = wide.sample(u), i = spread_sample(theta_i, u);
       add(0, s, narrow.density(s));
       add(1, v, wide.density(v));
-      add(2, i, spread_density(i, theta_o));
+      add(2, i, spread_density(theta_i, i));
     }
     const double sum = energy[0] + energy[1] + energy[2];
     // None is ever left out: each is needed where it is the largest.
@@ -144,8 +115,8 @@ Thread::Thread(const ThreadParameters& parameters, SurfaceLobe surface)
   }
 }
 
-Thread::LobeWeights Thread::lobe_weights(double theta_o) const {
-  const double at = std::abs(theta_o) / right_angle * weight_steps;
+Thread::LobeWeights Thread::lobe_weights(double theta_i) const {
+  const double at = std::abs(theta_i) / right_angle * weight_steps;
   return weights_[std::min(static_cast<std::size_t>(std::max(at, 0.0)), weights_.size() - 1)];
 }
 
@@ -159,78 +130,110 @@ ThreadLobes Thread::lobes(const Angles& angles) const {
   const double entering = 0.5 * (energy.transmissivity_perpendicular + energy.transmissivity_parallel);
   const double spread = 1 / std::max(cos_d * cos_d, cos2_floor);
   return {
-      surface_scale_ * reflected * cos_half * gaussian(parameters_.gamma_s, theta_h) * spread,
-      entering * entering * ((1 - parameters_.kd) * gaussian(parameters_.gamma_v, theta_h) + parameters_.kd) /
+      surface_scale_ * reflected * cos_half * gaussian(squared(parameters_.gamma_s), theta_h) * spread,
+      entering * entering *
+          ((1 - parameters_.kd) * gaussian(squared(parameters_.gamma_v), theta_h) + parameters_.kd) /
           (cos_i + cos_o) * spread};
 }
 
-glm::dvec3 Thread::eval(const Angles& angles) const {
-  const ThreadLobes value = lobes(angles);
-  return glm::dvec3(value.surface) + value.volume * parameters_.albedo;
+Rgb Thread::eval(const Angles& angles) const {
+  const ThreadLobes value = lobes(bounded(angles));
+  Rgb colour;
+  for (int c = 0; c < 3; ++c) colour[c] = value.surface + value.volume * parameters_.albedo[c];
+  return colour;
 }
 
-glm::dvec3 Thread::albedo(double theta_o) const {
+std::vector<LobeEnergy> Thread::lobe_energies(double theta_i) const {
   // Panels between the kernels' centre and multiples of their widths; the azimuth is smooth on 0..pi.
   static const LegendreRule rule = legendre_rule(20);
+  theta_i = bounded({theta_i, 0, 0}).theta_i;
   std::vector<double> edges{-right_angle, right_angle};
   for (const double gamma : {parameters_.gamma_s, parameters_.gamma_v})
     for (int k = -9; k <= 9; ++k) {
-      const double edge = 2 * gamma * k - theta_o;
+      const double edge = 2 * gamma * k - theta_i;
       if (std::abs(edge) < right_angle) edges.push_back(edge);
     }
-  // cos theta_i goes to zero at both ends, at one of them beside cos theta_d: graded panels.
+  // cos theta_o goes to zero at both ends, at one of them beside cos theta_d: graded panels.
   for (double distance = 0.3; distance > 1e-5; distance *= 0.4) {
     edges.push_back(right_angle - distance);
     edges.push_back(distance - right_angle);
   }
   std::ranges::sort(edges);
-  ThreadLobes sum;
+  struct Part {
+    double forward = 0, backward = 0;
+  };
+  Part surface, wide, isotropic;
+  double second_moment = 0;
   for (std::size_t e = 1; e < edges.size(); ++e) {
     const double half = 0.5 * (edges[e] - edges[e - 1]), middle = 0.5 * (edges[e] + edges[e - 1]);
     if (!(half > 0)) continue;
     for (std::size_t i = 0; i < rule.x.size(); ++i) {
-      const double theta_i = middle + half * rule.x[i], c = std::cos(theta_i);
+      const double theta_o = middle + half * rule.x[i], theta_h = 0.5 * (theta_i + theta_o);
+      const double share = isotropic_share(parameters_, theta_h);
+      const double measure = rule.weight[i] * half * squared(std::cos(theta_o));
       for (int panel = 0; panel < 2; ++panel)
         for (std::size_t p = 0; p < rule.x.size(); ++p) {
           const double phi = half_turn * (0.25 + 0.5 * panel + 0.25 * rule.x[p]);
+          const double weight = measure * rule.weight[p] * 0.5 * half_turn;
           const ThreadLobes value = lobes({theta_i, theta_o, phi});
-          const double weight = rule.weight[i] * half * rule.weight[p] * 0.5 * half_turn * c * c;
-          sum.surface += weight * value.surface;
-          sum.volume += weight * value.volume;
+          const auto add = [&](Part& part, double energy) {
+            part.forward += energy * phi / half_turn;
+            part.backward += energy * (1 - phi / half_turn);
+          };
+          add(surface, weight * value.surface);
+          add(wide, weight * value.volume * (1 - share));
+          add(isotropic, weight * value.volume * share);
+          second_moment += weight * value.volume * share * theta_h * theta_h;
         }
     }
   }
-  return glm::dvec3(sum.surface) + sum.volume * parameters_.albedo;
+  const auto lobe = [&](double width, const Part& part, const glm::dvec3& colour) {
+    LobeEnergy made;
+    made.width = width;
+    for (int c = 0; c < 3; ++c) {
+      made.forward[c] = part.forward * colour[c];
+      made.backward[c] = part.backward * colour[c];
+    }
+    return made;
+  };
+  const double isotropic_energy = isotropic.forward + isotropic.backward;
+  return {
+      lobe(parameters_.gamma_s, surface, glm::dvec3(1)), lobe(parameters_.gamma_v, wide, parameters_.albedo),
+      lobe(
+          isotropic_energy > 0 ? std::sqrt(second_moment / isotropic_energy) : parameters_.gamma_v, isotropic,
+          parameters_.albedo)};
 }
 
-double Thread::pdf(const Angles& angles) const {
-  const double cos_i = std::cos(angles.theta_i), cos_o = std::cos(angles.theta_o);
+double Thread::pdf(const Angles& given) const {
+  const auto [theta_i, theta_o, phi] = bounded(given);
+  const double cos_i = std::cos(theta_i), cos_o = std::cos(theta_o);
   if (!(cos_i > along_thread && cos_o > along_thread)) return 0;
-  const LobeWeights w = lobe_weights(angles.theta_o);
-  const double theta_i = angles.theta_i, theta_o = angles.theta_o;
-  const double surface = TruncatedGaussian(parameters_.gamma_s, theta_o).density(theta_i) *
-                         std::max(std::cos(0.5 * angles.phi), 0.0) / 4;
-  const double volume = TruncatedGaussian(parameters_.gamma_v, theta_o).density(theta_i) / (2 * pi);
+  const LobeWeights w = lobe_weights(theta_i);
+  const double surface =
+      around_cone(parameters_.gamma_s, theta_i).density(theta_o) * std::max(std::cos(0.5 * phi), 0.0) / 4;
+  const double volume = around_cone(parameters_.gamma_v, theta_i).density(theta_o) / (2 * pi);
   const double isotropic = spread_density(theta_i, theta_o) / (2 * pi);
-  return (w[0] * surface + w[1] * volume + w[2] * isotropic) / cos_i;
+  return (w[0] * surface + w[1] * volume + w[2] * isotropic) / cos_o;
 }
 
-ThreadSample Thread::sample(double theta_o, const std::array<double, 3>& u) const {
-  ThreadSample picked;
-  const LobeWeights w = lobe_weights(theta_o);
+ScatteringSample Thread::sample(double theta_i, const std::array<double, 3>& u) const {
+  ScatteringSample picked;
+  theta_i = bounded({theta_i, 0, 0}).theta_i;
+  const LobeWeights w = lobe_weights(theta_i);
   picked.phi = (2 * u[1] - 1) * pi;
   if (u[2] < w[0]) {
-    picked.theta_i = TruncatedGaussian(parameters_.gamma_s, theta_o).sample(u[0]);
+    picked.theta_o = around_cone(parameters_.gamma_s, theta_i).sample(u[0]);
     picked.phi = 2 * std::asin(2 * u[1] - 1);
   } else if (u[2] < w[0] + w[1]) {
-    picked.theta_i = TruncatedGaussian(parameters_.gamma_v, theta_o).sample(u[0]);
+    picked.theta_o = around_cone(parameters_.gamma_v, theta_i).sample(u[0]);
   } else {
-    picked.theta_i = spread_sample(theta_o, u[0]);
+    picked.theta_o = std::clamp(spread_sample(theta_i, u[0]), -right_angle, right_angle);
   }
-  picked.theta_i = std::clamp(picked.theta_i, -right_angle, right_angle);
-  const Angles at{picked.theta_i, theta_o, picked.phi};
+  const Angles at{theta_i, picked.theta_o, picked.phi};
   picked.pdf = pdf(at);
-  if (picked.pdf > 0) picked.weight = eval(at) * (std::cos(at.theta_i) / picked.pdf);
+  if (!(picked.pdf > 0)) return picked; // along the thread
+  picked.weight = eval(at);
+  for (double& value : picked.weight) value *= std::cos(at.theta_o) / picked.pdf;
   return picked;
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <scatter/fiber/frame.hpp>
+#include <scatter/fiber/fiber_scattering.hpp>
 
 #include <glm/vec3.hpp>
 
@@ -39,14 +39,6 @@ struct ThreadLobes {
   double surface = 0, volume = 0;
 };
 
-/// Light that comes from a sampled direction; see Thread::sample and Cloth::sample.
-struct ThreadSample {
-  double theta_i = 0;  ///< inclination of the direction to the light
-  double phi = 0;      ///< azimuth of the eye less that of the light
-  double pdf = 0;      ///< per solid angle
-  glm::dvec3 weight{}; ///< f_s cos theta_i / pdf
-};
-
 /// f_s(light, view) of radiance = integral f_s L cos theta_i d omega_i (equation 5.6). Reciprocal: f_s does
 /// not change when light and view are exchanged. Objects do not change and may be shared by threads.
 ///
@@ -59,7 +51,7 @@ struct ThreadSample {
 /// Zero where a direction is along the thread, to 1e-8 rad; cos^2 theta_d is not taken below 1e-8, which
 /// matters only where both are within 0.006 deg of the thread's two ends. Accuracy: relative 1e-12 where both
 /// are 0.1 deg or more away from the thread.
-class Thread {
+class Thread : public FiberScattering {
 public:
   /// Throws InputError as check() does.
   explicit Thread(const ThreadParameters& parameters, SurfaceLobe surface = SurfaceLobe::printed);
@@ -67,31 +59,27 @@ public:
   [[nodiscard]] const ThreadParameters& parameters() const { return parameters_; }
   [[nodiscard]] SurfaceLobe surface() const { return surface_; }
 
+  /// Angles as bounded() returns them.
   [[nodiscard]] ThreadLobes lobes(const Angles& angles) const;
-  /// f_s of red, green and blue.
-  [[nodiscard]] glm::dvec3 eval(const Angles& angles) const;
 
-  /// Integral of f_s cos theta_i over all directions of the light: what the thread sends toward the
-  /// inclination theta_o in surroundings of radiance 1; by reciprocity also the share that it scatters of
-  /// light from there. To 1e-9 of itself for |theta_o| <= 89 deg. The printed surface lobe makes it exceed 1.
-  [[nodiscard]] glm::dvec3 albedo(double theta_o) const;
-
-  /// Density per solid angle with which sample() picks directions of the light, given the view.
-  /// Its integral over the sphere is 1.
-  [[nodiscard]] double pdf(const Angles& angles) const;
-  /// A direction of the light for a view at inclination theta_o, |theta_o| < pi/2, from three numbers in
-  /// [0, 1). One of three lobes is picked by its energy; then theta and phi by inverting their
-  /// distributions: a truncated Gaussian in theta_h and cos(phi/2); a truncated Gaussian; 1/cos^2 theta_d.
-  [[nodiscard]] ThreadSample sample(double theta_o, const std::array<double, 3>& u) const;
+  using FiberScattering::eval;
+  [[nodiscard]] Rgb eval(const Angles& angles) const override;
+  /// Density of sample(): one of three lobes is picked by its energy, then theta and phi by inverting their
+  /// distributions: a truncated Gaussian and cos(phi/2); a truncated Gaussian; 1/cos^2 theta_d.
+  [[nodiscard]] double pdf(const Angles& angles) const override;
+  [[nodiscard]] ScatteringSample sample(double theta_i, const std::array<double, 3>& u) const override;
+  /// Surface, the volume's Gaussian, and what is isotropic in the volume; to 1e-9 of their sum for
+  /// |theta_i| <= 89 deg. With the printed surface lobe the sum, albedo(), may exceed 1.
+  [[nodiscard]] std::vector<LobeEnergy> lobe_energies(double theta_i) const override;
 
 private:
   using LobeWeights = std::array<double, 3>;
-  [[nodiscard]] LobeWeights lobe_weights(double theta_o) const;
+  [[nodiscard]] LobeWeights lobe_weights(double theta_i) const;
 
   ThreadParameters parameters_;
   SurfaceLobe surface_;
   double surface_scale_ = 1;
-  std::vector<LobeWeights> weights_; ///< at equal steps of |theta_o|
+  std::vector<LobeWeights> weights_; ///< at equal steps of |theta_i|
 };
 
 /// Inclinations and azimuth from directions in the thread's frame; unlike an arc sine keeps all digits near

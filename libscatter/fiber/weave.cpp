@@ -195,12 +195,12 @@ Cloth::~Cloth() = default;
 Cloth::Cloth(Cloth&&) noexcept = default;
 Cloth& Cloth::operator=(Cloth&&) noexcept = default;
 
-glm::dvec3 Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
+Rgb Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
   check_direction(light, "light");
   check_direction(view, "view");
   if (!(light.z > 0 && view.z > 0)) return {0, 0, 0};
   double projected = kernel_->weave.gap * view.z;
-  glm::dvec3 sum(0);
+  Rgb sum{};
   for (std::size_t j = 0; j < strands_.size(); ++j) {
     const Strand& strand = strands_[j];
     for (const Tangent& tangent : strand.tangents) {
@@ -218,14 +218,17 @@ glm::dvec3 Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
       const double M = together(
           cosine_between(up_i, glm::dot(light, frame.binormal)),
           cosine_between(up_r, glm::dot(view, frame.binormal)), at.phi, weave_.masking_width);
-      sum += (share * M * P * std::cos(at.theta_i)) * threads_[j].eval(at);
+      const Rgb value = threads_[j].eval(at);
+      for (int c = 0; c < 3; ++c) sum[c] += share * M * P * std::cos(at.theta_i) * value[c];
     }
   }
-  return projected > 0 ? sum / projected : glm::dvec3(0);
+  if (!(projected > 0)) return {0, 0, 0};
+  for (double& value : sum) value /= projected;
+  return sum;
 }
 
 void Cloth::eval(
-    std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<glm::dvec3> value) const {
+    std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value) const {
   if (light.size() != view.size() || light.size() != value.size())
     throw std::invalid_argument("Cloth::eval: lights, views and values differ in number");
   for (std::size_t begin = 0; begin < light.size(); begin += weave_lanes) {
@@ -256,7 +259,7 @@ double Cloth::pdf(const glm::dvec3& light, const glm::dvec3& view) const {
       const double weight = strands_[j].coverage * tangent.share * visibility(frame, view);
       if (!(weight > 0)) continue;
       seen += weight;
-      sum += weight * threads_[j].pdf(thread_angles(frame, light, view));
+      sum += weight * threads_[j].pdf(thread_angles(frame, view, light));
     }
   return seen > 0 ? sum / seen : 0;
 }
@@ -284,14 +287,16 @@ ClothSample Cloth::sample(const glm::dvec3& view, const std::array<double, 4>& u
   const auto choice = std::ranges::find_if(choices, [&](const Choice& c) { return u[3] * seen < c.until; });
   const Choice& chosen = choice != choices.end() ? *choice : choices.back();
   const Angles of_view = thread_angles(chosen.frame, view, view);
-  if (!(std::cos(of_view.theta_o) > 1e-8)) return picked; // along the thread, which is then not lit
-  const ThreadSample light = threads_[chosen.strand].sample(of_view.theta_o, {u[0], u[1], u[2]});
-  const double phi = azimuth(chosen.frame, view) - light.phi, c = std::cos(light.theta_i);
-  const glm::dvec3 w = std::sin(light.theta_i) * chosen.frame.tangent +
+  if (!(std::cos(of_view.theta_i) > 1e-8)) return picked; // along the thread, which is then not lit
+  const ScatteringSample light = threads_[chosen.strand].sample(of_view.theta_i, {u[0], u[1], u[2]});
+  const double phi = azimuth(chosen.frame, view) + light.phi, c = std::cos(light.theta_o);
+  const glm::dvec3 w = std::sin(light.theta_o) * chosen.frame.tangent +
                        c * std::cos(phi) * chosen.frame.normal + c * std::sin(phi) * chosen.frame.binormal;
   picked.light = glm::normalize(w);
   picked.pdf = pdf(picked.light, view);
-  if (picked.pdf > 0) picked.weight = eval(picked.light, view) / picked.pdf;
+  if (!(picked.pdf > 0)) return picked;
+  picked.weight = eval(picked.light, view);
+  for (double& value : picked.weight) value /= picked.pdf;
   return picked;
 }
 
@@ -316,28 +321,30 @@ void over_hemisphere(int rings, const Add& add) {
 
 } // namespace
 
-glm::dvec3 Cloth::albedo(const glm::dvec3& view, int rings) const {
-  glm::dvec3 sum(0);
-  std::vector<glm::dvec3> values;
+Rgb Cloth::albedo(const glm::dvec3& view, int rings) const {
+  Rgb sum{};
+  std::vector<Rgb> values;
   over_hemisphere(rings, [&](const std::vector<glm::dvec3>& lights, double weight) {
     values.resize(lights.size());
     eval(lights, std::vector<glm::dvec3>(lights.size(), view), values);
-    for (const glm::dvec3& value : values) sum += weight * value;
+    for (const Rgb& value : values)
+      for (int c = 0; c < 3; ++c) sum[c] += weight * value[c];
   });
   return sum;
 }
 
-glm::dvec3 Cloth::reflectance(const glm::dvec3& light, int rings) const {
+Rgb Cloth::reflectance(const glm::dvec3& light, int rings) const {
   check_direction(light, "light");
   if (!(light.z > 0)) return {0, 0, 0};
-  glm::dvec3 sum(0);
-  std::vector<glm::dvec3> values;
+  Rgb sum{};
+  std::vector<Rgb> values;
   over_hemisphere(rings, [&](const std::vector<glm::dvec3>& views, double weight) {
     values.resize(views.size());
     eval(std::vector<glm::dvec3>(views.size(), light), views, values);
-    for (std::size_t k = 0; k < views.size(); ++k) sum += weight * views[k].z * values[k];
+    for (std::size_t k = 0; k < views.size(); ++k)
+      for (int c = 0; c < 3; ++c) sum[c] += weight * views[k].z / light.z * values[k][c];
   });
-  return sum / light.z;
+  return sum;
 }
 
 } // namespace scatter::fiber

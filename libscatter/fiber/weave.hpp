@@ -48,8 +48,8 @@ void check(const Weave& weave, const std::string& where);
 /// Light from a sampled direction.
 struct ClothSample {
   glm::dvec3 light{0, 0, 1};
-  double pdf = 0;      ///< per solid angle
-  glm::dvec3 weight{}; ///< value / pdf; 0 for light from below the cloth
+  double pdf = 0; ///< per solid angle
+  Rgb weight{};   ///< value / pdf; 0 for light from below the cloth
 };
 
 /// The light that a cloth sends toward the view is the integral of value(light, view) L(light) d omega:
@@ -80,24 +80,24 @@ public:
 
   /// Red, green and blue. Relative accuracy 1e-12 where no sampled tangent is within 0.1 deg of a direction.
   /// Throws InputError for a direction whose squared length is not 1 to 1e-9.
-  [[nodiscard]] glm::dvec3 eval(const glm::dvec3& light, const glm::dvec3& view) const;
+  [[nodiscard]] Rgb eval(const glm::dvec3& light, const glm::dvec3& view) const;
   /// The same for many pairs, on vector instructions: agrees with eval() to 1e-12 relative. All spans are of
   /// one length. Throws InputError as eval(), with the number of the pair, and std::invalid_argument for
   /// unequal lengths.
-  void eval(
-      std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<glm::dvec3> value) const;
+  void eval(std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value) const;
 
   /// Density per solid angle of the light's direction with which sample() picks it; over the whole sphere.
   [[nodiscard]] double pdf(const glm::dvec3& light, const glm::dvec3& view) const;
-  /// A tangent is picked by how well it is seen, then light by Thread::sample. From four numbers in [0, 1).
+  /// A tangent is picked by how well it is seen, then light by Thread::sample, whose directions may be
+  /// exchanged. From four numbers in [0, 1).
   [[nodiscard]] ClothSample sample(const glm::dvec3& view, const std::array<double, 4>& u) const;
 
   /// Integral of value over the directions of the light: the cloth's radiance in surroundings of radiance 1.
   /// Product rule of `rings` inclinations and 2 rings azimuths; at 128 to about 1e-4 (kinks of M and P).
-  [[nodiscard]] glm::dvec3 albedo(const glm::dvec3& view, int rings = 128) const;
+  [[nodiscard]] Rgb albedo(const glm::dvec3& view, int rings = 128) const;
   /// Share of the light from one direction that leaves again above the cloth: integral of value n . view over
   /// the views, over n . light. The same rule.
-  [[nodiscard]] glm::dvec3 reflectance(const glm::dvec3& light, int rings = 128) const;
+  [[nodiscard]] Rgb reflectance(const glm::dvec3& light, int rings = 128) const;
 
   /// For the kernels: every distinct tangent with its share of the samples.
   struct Tangent {

@@ -104,7 +104,8 @@ TEST(Cloth, AgreesWithFortyDigits) {
   for (const char* const variant : {"printed", "energy-true"})
     for (const std::string& name : fabric_names()) {
       const Cloth cloth(load_fabric(name).weave, 64, parse_surface_lobe(variant));
-      std::vector<glm::dvec3> lights, views, right, many;
+      std::vector<glm::dvec3> lights, views, right;
+      std::vector<Rgb> many;
       for (const json& row : cases) {
         if (row.at("fabric") != name || row.at("variant") != variant) continue;
         lights.push_back(vector_of(row.at("light")));
@@ -114,7 +115,7 @@ TEST(Cloth, AgreesWithFortyDigits) {
       many.resize(lights.size());
       cloth.eval(lights, views, many);
       for (std::size_t k = 0; k < lights.size(); ++k) {
-        const glm::dvec3 one = cloth.eval(lights[k], views[k]);
+        const Rgb one = cloth.eval(lights[k], views[k]);
         for (int c = 0; c < 3; ++c) {
           EXPECT_LT(relative(one[c], right[k][c]), 1e-12)
               << name << ' ' << k << ": " << one[c] << ", true " << right[k][c];
