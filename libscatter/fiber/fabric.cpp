@@ -94,11 +94,14 @@ Json parse_json(std::string_view text, const std::string& name) {
   };
   try {
     return Json::parse(text, watch);
-  } catch (const Json::parse_error& error) {
-    // "[json.exception...] parse error at line 3, column 7: ..."
-    const std::string_view message = error.what();
-    const auto at = message.find("at line");
-    throw InputError(name + ": no JSON " + std::string(at == message.npos ? message : message.substr(at)));
+  } catch (const Json::exception& error) {
+    // "[json.exception...] parse error at line 3, column 7: ...", or "... number overflow parsing '1e999'"
+    const std::string message = error.what();
+    const auto at = message.find("at line"), end_of_tag = message.find("] ");
+    throw InputError(
+        name + ": no JSON: " +
+        (at != message.npos ? message.substr(at)
+                            : message.substr(end_of_tag == message.npos ? 0 : end_of_tag + 2)));
   }
 }
 
