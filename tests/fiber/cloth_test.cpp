@@ -41,11 +41,6 @@ double relative(double value, double right) {
   return std::abs(value - right) / std::max(std::abs(right), 1e-280);
 }
 
-[[maybe_unused]] glm::dvec3 direction(double theta_deg, double azimuth_deg) {
-  const double t = theta_deg * degree, a = azimuth_deg * degree;
-  return glm::normalize(glm::dvec3(std::sin(t) * std::cos(a), std::sin(t) * std::sin(a), std::cos(t)));
-}
-
 ThreadParameters thread_named(const std::string& name) {
   const auto of = [](const char* fabric, std::size_t number) {
     return load_fabric(fabric).weave.threads.at(number - 1).thread;
