@@ -403,7 +403,7 @@ OrderMoments unsplit_moments(const Optics<double>& o, int first, int last) {
   return sum;
 }
 
-double residual_energy(const Optics<double>& o, int first) {
+double energy_from(const Optics<double>& o, int first) {
   double sum = 0;
   integrate(o, {}, 1, outermost(o, first), [&](const Ray<double>& ray, double, double dh) {
     sum += attenuation_from(o, ray, first) * dh;
@@ -481,7 +481,7 @@ OrderMoments RaySection::residual(int first_order, double theta_d) const {
   const Optics<double> o(*this, theta_d);
   const Optics<real> wide(*this, theta_d);
   OrderMoments sum;
-  sum.energy = residual_energy(o, first_order);
+  sum.energy = energy_from(o, first_order);
   // Energy has a closed sum; where the light goes has not. The first orders are split where the weights have
   // kinks, those after them, of 1e-5 of the energy, are not; what is left in the end goes around evenly.
   constexpr int split = 16, unsplit = 256;
@@ -497,11 +497,16 @@ OrderMoments RaySection::residual(int first_order, double theta_d) const {
     const OrderMoments rest = unsplit_moments(o, first_order + split, first_order + split + unsplit);
     listed.forward += rest.forward;
     listed.forward_half += rest.forward_half;
-    const double left = residual_energy(o, first_order + split + unsplit);
+    const double left = energy_from(o, first_order + split + unsplit);
     listed.forward += left / 2;
     listed.forward_half += left / 2;
   }
   return {sum.energy, listed.forward, listed.forward_half};
+}
+
+double RaySection::residual_energy(int first_order, double theta_d) const {
+  check(first_order, theta_d);
+  return energy_from(Optics<double>(*this, theta_d), first_order);
 }
 
 std::vector<double> RaySection::caustics(int order, double theta_d) const {

@@ -44,6 +44,8 @@ public:
   [[nodiscard]] double distribution(int order, double theta_d, double phi) const override;
   [[nodiscard]] OrderMoments moments(int order, double theta_d) const override;
   [[nodiscard]] OrderMoments residual(int first_order, double theta_d) const override;
+  /// residual()'s energy alone, thirty times faster.
+  [[nodiscard]] double residual_energy(int first_order, double theta_d) const;
   /// None for orders 0 and 1; one for p >= 2 while eta' <= p: where (p^2 - 1) h^2 = p^2 - eta'^2.
   [[nodiscard]] std::vector<double> caustics(int order, double theta_d) const override;
 
