@@ -2,7 +2,6 @@
 #include <scatter/fiber/quadrature.hpp>
 #include <scatter/fiber/ray_section.hpp>
 #include <scatter/optics/errors.hpp>
-#include <scatter/optics/fresnel.hpp>
 #include <scatter/optics/units.hpp>
 
 #include <fmt/format.h>
@@ -23,22 +22,6 @@ double ray_density(const RaySection& section, int order, double theta_d, double 
   double sum = 0;
   for (const RayEvent& ray : section.events(order, theta_d, phi)) sum += std::min(ray.spread, 1e12);
   return sum;
-}
-
-/// All orders from 3 on together: the integral over h of (1-F)^2 F^2 T^3 / (1 - F T).
-double residual_energy(double eta, double sigma_a, double theta_d) {
-  const double eta_prime = bravais_index(eta, theta_d);
-  const double cosine = std::cos(theta_d), refracted = std::sin(theta_d) / eta;
-  const double along = 1 / std::sqrt(1 - refracted * refracted);
-  using Sum = std::array<double, 1>;
-  const auto at = [&](double gamma) { // h = sin gamma; both signs of h
-    const FresnelEnergy fresnel = fresnel_energy(eta, std::clamp(cosine * std::cos(gamma), 0.0, 1.0));
-    const double F = 0.5 * (fresnel.reflectivity_perpendicular + fresnel.reflectivity_parallel);
-    const double t = std::sin(gamma) / eta_prime;
-    const double T = std::exp(-2 * sigma_a * std::sqrt(1 - t * t) * along);
-    return Sum{(1 - F) * (1 - F) * F * F * T * T * T / (1 - F * T) * std::cos(gamma)};
-  };
-  return integrate<Sum>(at, 0, pi / 4, 1e-14)[0] + integrate<Sum>(at, pi / 4, pi / 2 - 1e-12, 1e-14)[0];
 }
 
 std::array<std::shared_ptr<const CrossSection>, 3> round_sections(const HairParameters& parameters) {
@@ -119,21 +102,31 @@ void HairScattering::build() {
             }
           }),
       1e-12);
-  if (!parameters_.residual) return;
-  residual_table_ = MomentTable(
-      3,
-      by_channel(
-          1,
-          [this](std::size_t c, double theta_d, std::span<double> out) {
-            out[0] = least_uniform_ == 0 ? residual_energy(parameters_.eta, parameters_.sigma_a[c], theta_d)
-                                         : sections_[c]->residual(3, theta_d).energy;
-          }),
-      1e-12);
+  if (least_uniform_ == 0) {
+    for (std::size_t c = 0; c < 3; ++c)
+      residual_energy_.emplace_back(parameters_.eta, parameters_.sigma_a[c], 3);
+  } else if (parameters_.residual) {
+    residual_table_ = MomentTable(
+        3,
+        by_channel(
+            1,
+            [this](std::size_t c, double theta_d, std::span<double> out) {
+              out[0] = sections_[c]->residual(3, theta_d).energy;
+            }),
+        1e-12);
+  }
+}
+
+double HairScattering::residual(std::size_t channel, double theta_d) const {
+  if (!parameters_.residual) return 0;
+  return residual_energy_.empty()
+             ? residual_table_(channel, theta_d)
+             : residual_energy_[channel](std::cos(std::min(std::abs(theta_d), largest_theta_d)));
 }
 
 OrderMoments HairScattering::moments(std::size_t lobe, std::size_t channel, double theta_d) const {
   if (lobe == 3) {
-    const double energy = parameters_.residual ? residual_table_(channel, theta_d) : 0;
+    const double energy = residual(channel, theta_d);
     return {energy, 0.5 * energy, 0.5 * energy};
   }
   const std::size_t first = 9 * channel + 3 * lobe;
@@ -245,7 +238,7 @@ std::vector<LobeEnergy> HairScattering::lobe_energies(double theta_i) const {
       Sums sums{};
       for (std::size_t c = 0; c < 3; ++c) {
         const std::size_t value = 9 * c + 3 * lobe;
-        const double energy = lobe < 3 ? table_(value, theta_d) : residual_table_(c, theta_d);
+        const double energy = lobe < 3 ? table_(value, theta_d) : residual(c, theta_d);
         const double forward = lobe < 3 ? table_(value + 1, theta_d) : 0.5 * energy;
         sums[c] = M * forward;
         sums[3 + c] = M * (energy - forward);
