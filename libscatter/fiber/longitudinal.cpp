@@ -88,7 +88,8 @@ TruncatedNormal::TruncatedNormal(double mean, double deviation, double first, do
 
 double TruncatedNormal::sample(double u) const {
   if (mass_ == 0) return first_ + u * (last_ - first_);
-  const double tail = tail_first_ - u * mass_;
+  // Increasing in u from either side.
+  const double tail = mirrored_ ? tail_last_ + u * mass_ : tail_first_ - u * mass_;
   const double x = tail > 0.5 ? -inverse_upper_tail(1 - tail) : inverse_upper_tail(std::max(tail, 1e-300));
   return std::clamp(mean_ + (mirrored_ ? -x : x) * deviation_, first_, last_);
 }

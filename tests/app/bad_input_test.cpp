@@ -77,6 +77,61 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"GivenTwice", phase({}, {"--radius", "1mm"}), {"--radius is given more than once"}}),
     name_of);
 
+std::vector<std::string> fiber_azimuth(const std::vector<std::string>& added) {
+  std::vector<std::string> arguments{"fiber", "azimuth"};
+  arguments.insert(arguments.end(), added.begin(), added.end());
+  return arguments;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    FiberAzimuth, BadInput,
+    testing::Values(
+        Case{"FiberAlone", {"fiber"}, {"scatter fiber: ", "verb is missing", "scatter fiber --help"}},
+        Case{"FiberUnknownVerb", {"fiber", "azimut"}, {"scatter fiber: ", "azimut", "did you mean azimuth?"}},
+        Case{
+            "FiberUnknownOption",
+            fiber_azimuth({"--etta", "1.5"}),
+            {"scatter fiber azimuth: ", "--etta", "did you mean --eta?"}},
+        Case{
+            "FiberMissingValue",
+            fiber_azimuth({"--eta"}),
+            {"scatter fiber azimuth: ", "--eta needs a value", "scatter fiber azimuth --help"}},
+        Case{"FiberStray", fiber_azimuth({"--eta", "1.5", "stray"}), {"scatter fiber azimuth: ", "stray"}},
+        Case{"EtaMissing", fiber_azimuth({}), {"scatter fiber azimuth: ", "--eta is missing", "1.55"}},
+        Case{"EtaOne", fiber_azimuth({"--eta", "1"}), {"--eta", "\"1\"", "greater than 1"}},
+        Case{"EtaThin", fiber_azimuth({"--eta", "0.7"}), {"--eta", "0.7"}},
+        Case{"EtaNaN", fiber_azimuth({"--eta", "nan"}), {"--eta", "nan"}},
+        Case{"EtaInfinite", fiber_azimuth({"--eta", "1e999"}), {"--eta", "1e999"}},
+        Case{"EtaComplex", fiber_azimuth({"--eta", "1.5+1i"}), {"--eta", "1.5+1i"}},
+        Case{
+            "SigmaNegative",
+            fiber_azimuth({"--eta", "1.5", "--sigma-a", "-0.1"}),
+            {"--sigma-a", "-0.1", "negative"}},
+        Case{"SigmaNaN", fiber_azimuth({"--eta", "1.5", "--sigma-a", "nan"}), {"--sigma-a", "nan"}},
+        Case{
+            "ThetaDRight",
+            fiber_azimuth({"--eta", "1.5", "--theta-d", "90deg"}),
+            {"--theta-d", "90deg", "-90deg"}},
+        Case{"ThetaDLeft", fiber_azimuth({"--eta", "1.5", "--theta-d=-90"}), {"--theta-d", "-90"}},
+        Case{"ThetaDNaN", fiber_azimuth({"--eta", "1.5", "--theta-d", "nan"}), {"--theta-d", "nan"}},
+        Case{"FiberPhiFar", fiber_azimuth({"--eta", "1.5", "--phi", "361"}), {"--phi", "361"}},
+        Case{"FiberPhiNaN", fiber_azimuth({"--eta", "1.5", "--phi", "nan"}), {"--phi", "nan"}},
+        Case{"FiberOrders", fiber_azimuth({"--eta", "1.5", "--orders", "-1"}), {"--orders", "-1"}},
+        Case{"FiberOrdersMany", fiber_azimuth({"--eta", "1.5", "--orders", "1001"}), {"--orders", "1001"}},
+        Case{
+            "FiberPolarisation",
+            fiber_azimuth({"--eta", "1.5", "--polarisation", "s"}),
+            {"--polarisation", "\"s\"", "tracked"}},
+        Case{
+            "FiberOutput",
+            fiber_azimuth({"--eta", "1.5", "--output", "a.txt"}),
+            {"--output", "a.txt", "json"}},
+        Case{
+            "FiberCsv",
+            fiber_azimuth({"--eta", "1.5", "--output", "none.csv"}),
+            {"--output", "none.csv", "json"}}),
+    name_of);
+
 INSTANTIATE_TEST_SUITE_P(
     Quantities, BadInput,
     testing::Values(
