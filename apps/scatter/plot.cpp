@@ -1,3 +1,4 @@
+#include "cloth_plot.hpp"
 #include "lee.hpp"
 #include "verbs.hpp"
 #include <scatter/optics/errors.hpp>
@@ -272,19 +273,30 @@ void run(const Texts& texts) {
   scene::write_plot(texts.output, plot);
 }
 
-/// A table and a Lee diagram have nothing to say to each other's options.
-void refuse_mixed(const CLI::App& verb, bool lee) {
+/// What is drawn has options of its own; the others' have nothing to say to it. what: empty for a table.
+void refuse_mixed(const CLI::App& verb, const std::string& what) {
+  struct Kind {
+    const char *option, *group, *name;
+  };
+  constexpr Kind kinds[] = {
+      {"--lee", "Lee diagram", "a Lee diagram"}, {"--cloth", "Cloth", "a fabric's plot"}};
   for (const CLI::Option* const option : verb.get_options()) {
-    if (option->count() == 0 || option->get_name() == "--lee") continue;
+    if (option->count() == 0) continue;
     const std::string name = option->get_name();
-    const bool shared = name == "--output" || name == "--exposure" || name == "--verbose";
-    const bool of_lee = option->get_group() == "Lee diagram";
-    if (lee && !shared && !of_lee)
-      throw InputError(name + ": a Lee diagram is computed, not read from a table; leave it out");
-    if (!lee && of_lee) throw InputError(name + ": belongs to a Lee diagram; add --lee");
+    const bool shared = name == "--output" || name == "--verbose" ||
+                        (name == "--exposure" && what != "--cloth") || (name == "--width" && what != "--lee");
+    const Kind* owner = nullptr;
+    for (const Kind& kind : kinds)
+      if (option->get_group() == kind.group) owner = &kind;
+    if (owner != nullptr && what != owner->option)
+      throw InputError(name + ": belongs to " + owner->name + "; add " + owner->option);
+    if (owner == nullptr && !shared)
+      for (const Kind& kind : kinds)
+        if (what == kind.option)
+          throw InputError(name + ": " + kind.name + " is computed, not read from a table; leave it out");
   }
-  if (!lee && verb.count("FILE") == 0)
-    throw InputError("FILE is missing: name a table made by scatter phase, or use --lee");
+  if (what.empty() && verb.count("FILE") == 0)
+    throw InputError("FILE is missing: name a table made by scatter phase, or use --lee or --cloth");
 }
 
 } // namespace
@@ -320,8 +332,11 @@ void add_plot(CLI::App& app, Context&) {
       "Example: scatter plot bow.nc --from 120 --to 150 --output bow.png");
   const auto lee = std::make_shared<LeeTexts>();
   add_lee_options(*verb, *lee);
-  verb->callback([texts, lee, verb] {
-    refuse_mixed(*verb, lee->wanted);
+  const auto cloth = std::make_shared<ClothPlotTexts>();
+  add_cloth_plot_options(*verb, *cloth);
+  verb->callback([texts, lee, cloth, verb] {
+    refuse_mixed(*verb, lee->wanted ? "--lee" : cloth->cloth ? "--cloth" : "");
+    if (cloth->cloth) return run_cloth_plot(*cloth, texts->width, texts->output);
     if (lee->wanted) return run_lee(*lee, texts->exposure, texts->output);
     run(*texts);
   });

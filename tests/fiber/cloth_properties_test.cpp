@@ -196,6 +196,16 @@ TEST(Thread, EnergyTrueSurfaceReflectsWhatACylinderDoes) {
   }
 }
 
+TEST(Thread, PrintedVolumeScattersSixTimesItsAlbedo) {
+  // Without a surface (eta near 1) and at normal incidence the lobes integrate in closed form: isotropic
+  // 4 pi (pi - 8/3) A, narrow 2 pi A.
+  const double eta = 1 + 1e-9, narrow = 0.1 * degree;
+  const double isotropic = Thread({eta, 1, narrow, narrow, {1, 0.5, 0}}).albedo(0)[0];
+  EXPECT_NEAR(isotropic, 4 * pi * (pi - 8.0 / 3), 1e-4);
+  EXPECT_NEAR(Thread({eta, 0, narrow, narrow, {1, 0.5, 0}}).albedo(0)[0], 2 * pi, 1e-3);
+  EXPECT_NEAR(Thread({eta, 0, narrow, narrow, {1, 0.5, 0}}).albedo(0)[1], pi, 1e-3);
+}
+
 TEST(Thread, SurfaceAloneKeepsEnergyOnlyWhenEnergyTrue) {
   for (const NamedThread& named : threads()) {
     ThreadParameters surface = named.parameters;
