@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -111,6 +112,13 @@ void run_cloth_plot(const ClothPlotTexts& texts, int width, const std::string& o
     }
     plot.panels.push_back(std::move(panel));
   }
+  const auto is_dark = [](const scene::PolarPlot::Panel& panel) {
+    return std::ranges::all_of(panel.curves, [](const scene::Curve& curve) {
+      return std::ranges::all_of(curve.y, [](double y) { return y == 0; });
+    });
+  };
+  if (std::ranges::all_of(plot.panels, is_dark))
+    throw InputError("--cloth: " + quote(fabric.name) + " sends no light into this plane: nothing to draw");
   scene::write_plot(output, plot);
 }
 

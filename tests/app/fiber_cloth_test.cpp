@@ -226,4 +226,44 @@ TEST_F(FiberCloth, WrongFilesAreRefusedByField) {
   EXPECT_THAT(outcome.errors, HasSubstr("thread.json: eta: 1 "));
 }
 
+TEST_F(FiberCloth, IsDrawnInThePlaneOfIncidence) {
+  const std::string file =
+      write("own.json", changed(plain_fabric, "{", R"({"description": "Sack & ashes",)"));
+  const std::string picture = folder_.file("own.svg");
+  const Outcome outcome =
+      run({"plot", "--cloth", file, "--light", "0,45", "--plane", "90deg", "--output", picture});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  std::stringstream drawn;
+  drawn << std::ifstream(picture).rdbuf();
+  for (const char* const part :
+       {"<svg", "Sack &amp; ashes", "plane at 90", "light at 0", "light at 45", "BRDF"})
+    EXPECT_THAT(drawn.str(), HasSubstr(part));
+  EXPECT_EQ(
+      run({"plot", "--cloth", file, "--thread", "2", "--output", folder_.file("thread.png")}).exit_code, 0);
+}
+
+TEST_F(FiberCloth, WrongPicturesAreRefused) {
+  const std::string picture = folder_.file("a.png");
+  const std::vector<std::pair<std::vector<std::string>, std::string>> bad{
+      {{"--cloth", "silk", "--output", picture}, "--cloth: \"silk\""},
+      {{"--cloth", "velvet", "--output", folder_.file("a.gif")}, ".png or .svg"},
+      {{"--cloth", "velvet", "--output", picture, "--light", "90"}, "--light: 90"},
+      {{"--cloth", "velvet", "--output", picture, "--light", "0:40:10"}, "--light: 5 angles"},
+      {{"--cloth", "velvet", "--output", picture, "--thread", "3"}, "--thread: \"3\""},
+      {{"--cloth", "velvet", "--output", picture, "--samples", "0"}, "--samples"},
+      {{"--cloth", "velvet", "--output", picture, "--phi", "0"}, "--phi: a fabric's plot"},
+      {{"--cloth", "velvet", "--output", picture, "--lee"}, "--cloth"},
+      {{"--light", "0", "--output", picture}, "add --cloth"},
+      {{"--output", picture}, "FILE is missing"}};
+  for (const auto& [arguments, says] : bad) {
+    std::vector<std::string> line{"plot"};
+    line.insert(line.end(), arguments.begin(), arguments.end());
+    const Outcome outcome = run(line);
+    EXPECT_EQ(outcome.exit_code, 2) << says;
+    EXPECT_EQ(outcome.error_lines(), 1) << outcome.errors;
+    EXPECT_THAT(outcome.errors, HasSubstr(says));
+  }
+  EXPECT_THAT(folder_.names(), IsEmpty());
+}
+
 } // namespace
