@@ -216,18 +216,18 @@ TEST(Thread, SurfaceAloneKeepsEnergyOnlyWhenEnergyTrue) {
   for (const NamedThread& named : threads()) {
     ThreadParameters surface = named.parameters;
     surface.albedo = {0, 0, 0};
+    const Thread true_surface(surface, SurfaceLobe::energy_true), printed_surface(surface);
     double most_printed = 0;
     for (double theta = 0; theta < 60; theta += 5) {
-      EXPECT_LT(Thread(surface, SurfaceLobe::energy_true).albedo(theta * degree)[0], 1) << named.name;
-      most_printed = std::max(most_printed, Thread(surface).albedo(theta * degree)[0]);
+      EXPECT_LT(true_surface.albedo(theta * degree)[0], 1) << named.name;
+      most_printed = std::max(most_printed, printed_surface.albedo(theta * degree)[0]);
     }
+    const Thread printed(named.parameters), energy_true(named.parameters, SurfaceLobe::energy_true);
     std::printf(
         "%-24s surface alone, up to 55 deg: printed %.2f; whole thread at 0 and 60 deg: printed %.2f %.2f, "
         "energy-true surface %.2f %.2f\n",
-        named.name.c_str(), most_printed, Thread(named.parameters).albedo(0)[0],
-        Thread(named.parameters).albedo(60 * degree)[0],
-        Thread(named.parameters, SurfaceLobe::energy_true).albedo(0)[0],
-        Thread(named.parameters, SurfaceLobe::energy_true).albedo(60 * degree)[0]);
+        named.name.c_str(), most_printed, printed.albedo(0)[0], printed.albedo(60 * degree)[0],
+        energy_true.albedo(0)[0], energy_true.albedo(60 * degree)[0]);
   }
 }
 
