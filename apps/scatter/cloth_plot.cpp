@@ -63,7 +63,7 @@ void run_cloth_plot(const ClothPlotTexts& texts, int width, const std::string& o
     thread = static_cast<std::size_t>(
         whole_number("--thread", *texts.thread, 1, static_cast<long>(fabric.weave.threads.size())) - 1);
 
-  scene::PolarPlot plot;
+  scene::HalfDiscPlot plot;
   plot.title = fabric.description.empty() ? fabric.name : fabric.description;
   if (thread) plot.title += fmt::format(", thread {} alone", *thread + 1);
   if (!thread && plane != 0) plot.title += fmt::format(", plane at {:.6g}° from thread 1", plane);
@@ -94,7 +94,7 @@ void run_cloth_plot(const ClothPlotTexts& texts, int width, const std::string& o
     return values;
   };
   for (const double light : lights) {
-    scene::PolarPlot::Panel panel;
+    scene::HalfDiscPlot::Panel panel;
     panel.label = fmt::format("light at {:.6g}°", light);
     panel.mark = -light;
     for (const auto lobe : {fiber::SurfaceLobe::printed, fiber::SurfaceLobe::energy_true}) {
@@ -112,7 +112,7 @@ void run_cloth_plot(const ClothPlotTexts& texts, int width, const std::string& o
     }
     plot.panels.push_back(std::move(panel));
   }
-  const auto is_dark = [](const scene::PolarPlot::Panel& panel) {
+  const auto is_dark = [](const scene::HalfDiscPlot::Panel& panel) {
     return std::ranges::all_of(panel.curves, [](const scene::Curve& curve) {
       return std::ranges::all_of(curve.y, [](double y) { return y == 0; });
     });

@@ -461,11 +461,11 @@ std::string draw(const ColourImage& image, PictureFormat format) {
   return finished_picture(s.text, format);
 }
 
-std::string draw(const PolarPlot& plot, PictureFormat format) {
+std::string draw(const HalfDiscPlot& plot, PictureFormat format) {
   double largest = 0;
-  if (plot.panels.empty()) throw std::invalid_argument("a polar plot needs a panel");
+  if (plot.panels.empty()) throw std::invalid_argument("a plot of half discs needs one at least");
   std::vector<std::pair<std::string, std::string>> legend; // label, colour
-  for (const PolarPlot::Panel& panel : plot.panels) {
+  for (const HalfDiscPlot::Panel& panel : plot.panels) {
     std::size_t next = 0;
     for (const Curve& curve : panel.curves) {
       if (curve.x.size() != curve.y.size())
@@ -478,7 +478,7 @@ std::string draw(const PolarPlot& plot, PictureFormat format) {
         if (std::isfinite(y)) largest = std::max(largest, y);
     }
   }
-  if (!(largest > 0)) throw std::invalid_argument("a polar plot needs something that is positive");
+  if (!(largest > 0)) throw std::invalid_argument("a plot of half discs needs something that is positive");
   // A few rings at round values.
   const auto ring_step = [](double most) {
     const double decade = std::pow(10, std::floor(std::log10(most)));
@@ -492,9 +492,9 @@ std::string draw(const PolarPlot& plot, PictureFormat format) {
   constexpr int side = 34, between = 40;
   const int bottom = plot.radius_label.empty() ? 34 : 58;
   const int radius = (plot.width - 2 * side - (count - 1) * between) / (2 * count);
-  if (radius < 40) throw std::invalid_argument("the panels of a polar plot have no room");
+  if (radius < 40) throw std::invalid_argument("the half discs have no room");
   const int top = (plot.title.empty() ? 8 : 40) + (legend.empty() ? 0 : text_px + 10) + 26;
-  const int below = plot.half ? 26 : radius + 26; // under the centre: labels of the scale
+  constexpr int below = 26; // under the centre: labels of the scale
   const int height = top + radius + below + bottom;
   Script s;
   set_terminal(s, format, plot.width, height);
@@ -529,12 +529,11 @@ std::string draw(const PolarPlot& plot, PictureFormat format) {
   }
   const double degree = std::numbers::pi / 180;
   for (int panel = 0; panel < count; ++panel) {
-    const PolarPlot::Panel& of = plot.panels[static_cast<std::size_t>(panel)];
+    const HalfDiscPlot::Panel& of = plot.panels[static_cast<std::size_t>(panel)];
     const double x = side + radius + panel * (2.0 * radius + between), y = bottom + below;
     const auto at = [&](double angle_deg, double r) {
       return std::pair(x + r * std::sin(angle_deg * degree), y + r * std::cos(angle_deg * degree));
     };
-    const int reach = plot.half ? 90 : 180;
     double most = 0;
     for (const Curve& curve : of.curves)
       for (const double value : curve.y)
@@ -543,19 +542,16 @@ std::string draw(const PolarPlot& plot, PictureFormat format) {
     const double ring = ring_step(most), scale = std::max(std::ceil(most / ring - 1e-9), 1.0) * ring;
     for (double value = ring; value <= scale * (1 + 1e-9); value += ring) {
       std::vector<std::pair<double, double>> arc;
-      for (int a = -reach; a <= reach; a += 2) arc.push_back(at(a, radius * value / scale));
+      for (int a = -90; a <= 90; a += 2) arc.push_back(at(a, radius * value / scale));
       line(arc, "lc rgb '#dddddd' lw 0.7");
-      label(
-          fmt::format("{:.4g}", value), x + (plot.half ? radius * value / scale : 4),
-          plot.half ? y - 12 : y + radius * value / scale - 8, plot.half ? "center" : "left", 8);
+      label(fmt::format("{:.4g}", value), x + radius * value / scale, y - 12, "center", 8);
     }
-    for (int a = -reach; a <= reach - (plot.half ? 0 : 30); a += 30) {
+    for (int a = -90; a <= 90; a += 30) {
       line(
-          {at(a, 0), at(a, radius)},
-          std::abs(a) == 90 && plot.half ? "lc rgb '#444444' lw 1" : "lc rgb '#dddddd' lw 0.7");
+          {at(a, 0), at(a, radius)}, std::abs(a) == 90 ? "lc rgb '#444444' lw 1" : "lc rgb '#dddddd' lw 0.7");
       const auto [lx, ly] = at(a, radius + 14);
       // At the horizon there is no room beside the disc, and the scale says what is there.
-      if (!plot.half || std::abs(a) != 90) label(fmt::format("{}°", a), lx, ly, "center", 9);
+      if (std::abs(a) != 90) label(fmt::format("{}°", a), lx, ly, "center", 9);
     }
     if (of.mark) line({at(*of.mark, 0), at(*of.mark, radius)}, "lc rgb '#E69F00' lw 2");
     std::size_t next = 0;
@@ -597,7 +593,7 @@ void write_plot(const std::filesystem::path& path, const ColourImage& image) {
   write(path, image);
 }
 
-void write_plot(const std::filesystem::path& path, const PolarPlot& plot) {
+void write_plot(const std::filesystem::path& path, const HalfDiscPlot& plot) {
   write(path, plot);
 }
 

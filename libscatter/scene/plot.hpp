@@ -50,9 +50,9 @@ struct ColourImage {
   std::vector<std::array<std::uint8_t, 3>> pixels{}; ///< sRGB, [row][column], row 0 at the bottom
 };
 
-/// Curves around a centre, over the upper half of a disc or all of it; several side by side, each on a scale
-/// of its own.
-struct PolarPlot {
+/// Curves around a centre in the upper half of a disc, such as light that leaves a surface; several side by
+/// side, each on a scale of its own.
+struct HalfDiscPlot {
   struct Panel {
     std::string label{};          ///< below the disc
     std::vector<Curve> curves{};  ///< x: angle [deg], 0 straight up, positive to the right; y: radius, >= 0
@@ -60,7 +60,6 @@ struct PolarPlot {
   };
   std::string title{}, radius_label{}; ///< radius_label: what the rings are
   std::vector<Panel> panels{};
-  bool half = true; ///< -90 .. 90 deg alone
   int width = 1000; ///< pixels; the height follows
 };
 
@@ -78,13 +77,13 @@ enum class PictureFormat { png, svg };
 /// Throws std::invalid_argument for another number of pixels than columns x rows, or an axis without extent.
 [[nodiscard]] std::string draw(const ColourImage& image, PictureFormat format);
 
-/// The rings of a polar plot are at round values of the radius. Throws std::invalid_argument for curves of
+/// The rings are at round values of the radius. Throws std::invalid_argument for curves of
 /// unequal lengths, no panel, panels without room, or nothing that is positive.
-[[nodiscard]] std::string draw(const PolarPlot& plot, PictureFormat format);
+[[nodiscard]] std::string draw(const HalfDiscPlot& plot, PictureFormat format);
 
 /// draw() into a file that appears whole or not at all. Throws as draw() and table::PartFile do.
 void write_plot(const std::filesystem::path& path, const Plot& plot);
 void write_plot(const std::filesystem::path& path, const ColourImage& image);
-void write_plot(const std::filesystem::path& path, const PolarPlot& plot);
+void write_plot(const std::filesystem::path& path, const HalfDiscPlot& plot);
 
 } // namespace scatter::scene
