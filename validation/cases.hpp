@@ -49,5 +49,8 @@ struct Case {
 /// with error, error estimate and time; Airy's and the Debye series' bows against published maxima. Of the
 /// settings only threads and quick count.
 [[nodiscard]] CaseReport run_exact(const Settings& settings, const Progress& progress);
+/// Dual scattering of hair against random walks among parallel and tangled strands, with the times of both.
+/// Of the settings only threads and quick count.
+[[nodiscard]] CaseReport run_fiber_dual(const Settings& settings, const Progress& progress);
 
 } // namespace scatter::validation
