@@ -120,6 +120,15 @@ void check(const Weave& weave, const std::string& where) {
     refuse(where, "coverage: the threads' coverages add up to ", sum, "; at most 1 is possible");
 }
 
+void check_pairs(std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::size_t values) {
+  if (light.size() != view.size() || light.size() != values)
+    throw std::invalid_argument("cloth: lights, views and values differ in number");
+  for (std::size_t pair = 0; pair < values; ++pair)
+    for (const auto& [w, name] : {std::pair{light[pair], "light"}, std::pair{view[pair], "view"}})
+      if (!(std::abs(glm::dot(w, w) - 1) <= 1e-9))
+        check_direction(w, (std::string(name) + " of pair " + std::to_string(pair)).c_str());
+}
+
 /// The arrays behind StrandConstants' pointers.
 struct Cloth::Kernel {
   std::vector<StrandConstants> strands;
@@ -195,6 +204,10 @@ Cloth::~Cloth() = default;
 Cloth::Cloth(Cloth&&) noexcept = default;
 Cloth& Cloth::operator=(Cloth&&) noexcept = default;
 
+const WeaveConstants& Cloth::constants() const {
+  return kernel_->weave;
+}
+
 Rgb Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
   check_direction(light, "light");
   check_direction(view, "view");
@@ -229,8 +242,7 @@ Rgb Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
 
 void Cloth::eval(
     std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value) const {
-  if (light.size() != view.size() || light.size() != value.size())
-    throw std::invalid_argument("Cloth::eval: lights, views and values differ in number");
+  check_pairs(light, view, value.size());
   for (std::size_t begin = 0; begin < light.size(); begin += weave_lanes) {
     const std::size_t count = std::min(weave_lanes, light.size() - begin);
     WeaveBlock block;
@@ -241,10 +253,6 @@ void Cloth::eval(
         block.view[axis][l] = view[pair][axis];
       }
     }
-    for (std::size_t pair = begin; pair < begin + count; ++pair)
-      for (const auto& [w, name] : {std::pair{light[pair], "light"}, std::pair{view[pair], "view"}})
-        if (!(std::abs(glm::dot(w, w) - 1) <= 1e-9))
-          check_direction(w, (std::string(name) + " of pair " + std::to_string(pair)).c_str());
     evaluate_block(kernel_->weave, block);
     for (std::size_t l = 0; l < count; ++l)
       value[begin + l] = {block.value[0][l], block.value[1][l], block.value[2][l]};

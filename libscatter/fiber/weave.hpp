@@ -16,6 +16,8 @@
 /// normalisation (papers/sadeghi-fibres.md).
 namespace scatter::fiber {
 
+struct WeaveConstants;
+
 /// How far the tangent of a thread is turned from the cloth toward the normal, along one period of the weave.
 struct TangentCurve {
   std::vector<double> offsets; ///< at the control points [rad], -pi/2..pi/2, two or more
@@ -44,6 +46,10 @@ struct Weave {
 /// outside 5..45 deg, and no thread at all. The message begins with `where` and names thread (from 1) and
 /// field.
 void check(const Weave& weave, const std::string& where);
+
+/// What Cloth::eval wants of many pairs: throws std::invalid_argument for unequal numbers, InputError with
+/// the number of the first pair with a direction whose squared length is not 1 to 1e-9.
+void check_pairs(std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::size_t values);
 
 /// Light from a sampled direction.
 struct ClothSample {
@@ -110,6 +116,7 @@ public:
   };
   [[nodiscard]] std::span<const Strand> strands() const { return strands_; }
   [[nodiscard]] std::span<const Thread> threads() const { return threads_; }
+  [[nodiscard]] const WeaveConstants& constants() const;
 
 private:
   Weave weave_;

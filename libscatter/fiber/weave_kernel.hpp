@@ -25,10 +25,10 @@ struct WeaveConstants {
   double masking_rate = 0; ///< 2^(-rate (d/2)^2) is u
 };
 
-inline constexpr std::size_t weave_lanes = 16;
+inline constexpr std::size_t weave_lanes = 32;
 
 /// Directions by component, one per lane.
-struct WeaveBlock {
+struct alignas(64) WeaveBlock {
   double light[3][weave_lanes], view[3][weave_lanes], value[3][weave_lanes];
 };
 
