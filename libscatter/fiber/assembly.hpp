@@ -80,9 +80,9 @@ struct MultipleAdjustments {
 
 /// How much energy f_back carries. Both have the shape of g(.., theta_h - Delta_b) / cos^2 theta_d.
 enum class BackEnergy {
-  zinke, ///< 2 A_b / pi: as Zinke et al. (2008) and the dissertation have it. Over the half circle of
-         ///< azimuths from which light is seen to come back, 4 A_b: g has its area over theta_h, half of
-         ///< theta_o's
+  zinke,     ///< 2 A_b / pi: as Zinke et al. (2008) and the dissertation have it. Over the half circle of
+             ///< azimuths from which light is seen to come back, 4 A_b: g has its area over theta_h, half of
+             ///< theta_o's
   conserved, ///< A_b / (2 pi): over that half circle A_b, what the ladder sums say comes back
 };
 
