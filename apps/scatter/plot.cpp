@@ -1,3 +1,4 @@
+#include "azimuthal_plot.hpp"
 #include "lee.hpp"
 #include "verbs.hpp"
 #include <scatter/optics/errors.hpp>
@@ -211,13 +212,17 @@ std::string title(const table::TableHeader& head, double phi_deg) {
   return words + " (" + (method == "mie" ? "Lorenz-Mie" : method) + ")";
 }
 
+void check_size(int width, int height) {
+  if (width < 300 || width > 10000 || height < 250 || height > 10000)
+    throw InputError(fmt::format(
+        "--width {} --height {}: a picture has 300 to 10000 pixels across and 250 to 10000 down", width,
+        height));
+}
+
 void run(const Texts& texts) {
   // Refused before the table is read.
   static_cast<void>(scene::picture_format(texts.output));
-  if (texts.width < 300 || texts.width > 10000 || texts.height < 250 || texts.height > 10000)
-    throw InputError(fmt::format(
-        "--width {} --height {}: a picture has 300 to 10000 pixels across and 250 to 10000 down", texts.width,
-        texts.height));
+  check_size(texts.width, texts.height);
   if (!std::isfinite(texts.exposure) || std::abs(texts.exposure) > 50)
     throw InputError(fmt::format("--exposure {}: give stops between -50 and 50", texts.exposure));
   const auto source = table::open_table(texts.file);
@@ -272,19 +277,24 @@ void run(const Texts& texts) {
   scene::write_plot(texts.output, plot);
 }
 
-/// A table and a Lee diagram have nothing to say to each other's options.
-void refuse_mixed(const CLI::App& verb, bool lee) {
+/// A table, a Lee diagram and an azimuthal figure have nothing to say to each other's options.
+void refuse_mixed(const CLI::App& verb, bool lee, bool azimuthal) {
+  if (lee && azimuthal) throw InputError("--azimuthal: --lee asks for another picture; give one of the two");
   for (const CLI::Option* const option : verb.get_options()) {
-    if (option->count() == 0 || option->get_name() == "--lee") continue;
+    if (option->count() == 0) continue;
     const std::string name = option->get_name();
-    const bool shared = name == "--output" || name == "--exposure" || name == "--verbose";
-    const bool of_lee = option->get_group() == "Lee diagram";
-    if (lee && !shared && !of_lee)
+    if (name == "--lee" || name == "--azimuthal" || name == "--output" || name == "--verbose") continue;
+    const bool of_lee = option->get_group() == "Lee diagram",
+               of_fiber = option->get_group() == "Azimuthal figure";
+    if (of_lee && !lee) throw InputError(name + ": belongs to a Lee diagram; add --lee");
+    if (of_fiber && !azimuthal) throw InputError(name + ": belongs to an azimuthal figure; add --azimuthal");
+    if (lee && !of_lee && name != "--exposure")
       throw InputError(name + ": a Lee diagram is computed, not read from a table; leave it out");
-    if (!lee && of_lee) throw InputError(name + ": belongs to a Lee diagram; add --lee");
+    if (azimuthal && !of_fiber && name != "--width" && name != "--height")
+      throw InputError(name + ": an azimuthal figure is computed, not read from a table; leave it out");
   }
-  if (!lee && verb.count("FILE") == 0)
-    throw InputError("FILE is missing: name a table made by scatter phase, or use --lee");
+  if (!lee && !azimuthal && verb.count("FILE") == 0)
+    throw InputError("FILE is missing: name a table made by scatter phase, or use --lee or --azimuthal");
 }
 
 } // namespace
@@ -293,7 +303,8 @@ void add_plot(CLI::App& app, Context&) {
   CLI::App* const verb =
       app.add_subcommand("plot", "Draw a table: curves, and the colours that one would see");
   const auto texts = std::make_shared<Texts>();
-  verb->add_option("FILE", texts->file, "Table made by scatter phase: .nc, .exr or .json; none with --lee");
+  verb->add_option(
+      "FILE", texts->file, "Table made by scatter phase: .nc, .exr or .json; none with --lee or --azimuthal");
   verb->add_option("--output", texts->output, "Picture to write: .png or .svg")
       ->type_name("PICTURE")
       ->required();
@@ -320,8 +331,16 @@ void add_plot(CLI::App& app, Context&) {
       "Example: scatter plot bow.nc --from 120 --to 150 --output bow.png");
   const auto lee = std::make_shared<LeeTexts>();
   add_lee_options(*verb, *lee);
-  verb->callback([texts, lee, verb] {
-    refuse_mixed(*verb, lee->wanted);
+  const auto azimuthal = std::make_shared<AzimuthalTexts>();
+  add_azimuthal_options(*verb, *azimuthal);
+  verb->callback([texts, lee, azimuthal, verb] {
+    refuse_mixed(*verb, lee->wanted, azimuthal->wanted);
+    if (azimuthal->wanted) {
+      const bool square = azimuthal->polar && verb->count("--width") + verb->count("--height") == 0;
+      const int width = square ? 800 : texts->width, height = square ? 830 : texts->height;
+      check_size(width, height);
+      return run_azimuthal(*azimuthal, width, height, texts->output);
+    }
     if (lee->wanted) return run_lee(*lee, texts->exposure, texts->output);
     run(*texts);
   });
