@@ -325,6 +325,7 @@ struct HairTexts {
 struct Model {
   std::shared_ptr<const fiber::FiberScattering> single;
   std::shared_ptr<const fiber::LobedScattering> multiple;
+  std::shared_ptr<const fiber::HairScattering> by_rays; ///< the single scattering, when it is that
   fiber::DualScatteringOptions dual;
   std::string method;
   Constants constants;
@@ -348,6 +349,7 @@ Model read_hair(const std::string& file) {
   const auto hair = named(fields.where(), [&] { return std::make_shared<const fiber::HairScattering>(p); });
   model.single = hair;
   model.multiple = hair;
+  model.by_rays = hair;
   model.method = "lobes R, TT, TRT by rays through a smooth cylinder";
   if (p.residual) model.method += ", and a residual lobe";
   model.constants = {
@@ -426,7 +428,7 @@ void run_model(
   }
   ExactOutput output(texts.output);
 
-  const auto start = std::chrono::steady_clock::now();
+  auto start = std::chrono::steady_clock::now();
   std::vector<Rgb> values;
   std::vector<fiber::DualScattering::Parts> parts;
   if (dual) {
@@ -435,6 +437,18 @@ void run_model(
       parts.push_back(shading.eval(at, shading.estimated(at.theta_i, opacity, strands)));
       values.push_back(parts.back().sum());
     }
+  } else if (model.by_rays) {
+    const std::size_t count = angles.size();
+    std::vector<double> theta_i, theta_o, phi, found(3 * count);
+    for (const fiber::Angles& at : angles) {
+      theta_i.push_back(at.theta_i);
+      theta_o.push_back(at.theta_o);
+      phi.push_back(at.phi);
+    }
+    start = std::chrono::steady_clock::now();
+    model.by_rays->eval(theta_i, theta_o, phi, found);
+    for (std::size_t i = 0; i < count; ++i)
+      values.push_back({found[i], found[count + i], found[2 * count + i]});
   } else {
     for (const fiber::Angles& at : angles) values.push_back(model.single->eval(at));
   }

@@ -185,11 +185,13 @@ Rgb DualScattering::back(const Angles& at, const Rgb& variance) const {
   const double cosine = std::cos(theta_d);
   const AssemblyAverages averages = table_(angles.theta_i);
   const MultipleAdjustments& adjust = options_.adjustments;
+  const double energy = options_.back_energy == BackEnergy::conserved ? 0.5 : 2;
   Rgb found{};
   for (std::size_t c = 0; c < 3; ++c) {
     const double V = std::max(
         averages.sigma_b[c] * averages.sigma_b[c] + variance[c] + adjust.back_variance, least_variance);
-    found[c] = 2 * averages.A_b[c] * gaussian(V, angles.theta_h() - averages.Delta_b[c] + adjust.back_shift) /
+    found[c] = energy * averages.A_b[c] *
+               gaussian(V, angles.theta_h() - averages.Delta_b[c] + adjust.back_shift) /
                (pi * cosine * cosine) * adjust.back_colour[c] * adjust.back_intensity;
   }
   return found;

@@ -78,10 +78,19 @@ struct MultipleAdjustments {
   double back_variance = 0; ///< beta_Back [rad^2], added to the variance; what is left of it is at least 1e-8
 };
 
+/// How much energy f_back carries. Both have the shape of g(.., theta_h - Delta_b) / cos^2 theta_d.
+enum class BackEnergy {
+  zinke,     ///< 2 A_b / pi: as Zinke et al. (2008) and the dissertation have it. Over the half circle of
+             ///< azimuths from which light is seen to come back, 4 A_b: g has its area over theta_h, half of
+             ///< theta_o's
+  conserved, ///< A_b / (2 pi): over that half circle A_b, what the ladder sums say comes back
+};
+
 struct DualScatteringOptions {
   double d_f = 0.7, d_b = 0.7; ///< density factors, 0..1
   /// printed: the pseudo-code of 4.7.2, with d_f twice and T_f - delta, which goes negative in lit hair.
   Variant variant = Variant::corrected;
+  BackEnergy back_energy = BackEnergy::zinke;
   MultipleAdjustments adjustments;
   std::size_t nodes = 181; ///< of the table over theta_i
 };

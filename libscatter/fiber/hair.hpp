@@ -68,6 +68,8 @@ public:
   [[nodiscard]] const LongitudinalKernel& kernel(std::size_t lobe) const { return kernels_[lobe]; }
   /// N_X(theta_d, phi) of a colour [1/rad].
   [[nodiscard]] double azimuthal(std::size_t lobe, std::size_t channel, double theta_d, double phi) const;
+  /// The residual lobe's energy per colour; empty when the section is not round.
+  [[nodiscard]] const std::vector<ResidualEnergy>& residual_series() const { return residual_energy_; }
   /// Moments of N_X, from a table: 1e-10.
   [[nodiscard]] OrderMoments moments(std::size_t lobe, std::size_t channel, double theta_d) const;
 
@@ -89,5 +91,11 @@ private:
   std::vector<ResidualEnergy> residual_energy_;
   MomentTable residual_table_;
 };
+
+/// Throws InputError for lists of directions with NaN or of lengths that do not match, with 3 values per
+/// direction.
+void check_directions(
+    std::span<const double> theta_i, std::span<const double> theta_o, std::span<const double> phi,
+    std::size_t values);
 
 } // namespace scatter::fiber

@@ -80,13 +80,23 @@ void ring(std::size_t count, const Halves& at, const Bell& bell, double* __restr
 
 } // namespace
 
+void check_directions(
+    std::span<const double> theta_i, std::span<const double> theta_o, std::span<const double> phi,
+    std::size_t values) {
+  const std::size_t count = theta_i.size();
+  if (theta_o.size() != count || phi.size() != count || values != 3 * count)
+    throw InputError("lists of directions and of values do not match: there are three values, for the "
+                     "colours, per direction");
+  for (std::size_t k = 0; k < count; ++k)
+    if (std::isnan(theta_i[k]) || std::isnan(theta_o[k]) || !std::isfinite(phi[k]))
+      throw InputError("an angle of a fibre's scattering is not a number: direction " + std::to_string(k));
+}
+
 void HairScattering::eval(
     std::span<const double> theta_i, std::span<const double> theta_o, std::span<const double> phi,
     std::span<double> value) const {
   const std::size_t count = theta_i.size();
-  if (theta_o.size() != count || phi.size() != count || value.size() != 3 * count)
-    throw InputError(
-        "lists of directions and of values do not match: each colour has as many values as directions");
+  check_directions(theta_i, theta_o, phi, value.size());
   if (residual_energy_.empty()) {
     for (std::size_t k = 0; k < count; ++k) {
       const Rgb one = eval(Angles{theta_i[k], theta_o[k], phi[k]});
@@ -94,10 +104,6 @@ void HairScattering::eval(
     }
     return;
   }
-  for (std::size_t k = 0; k < count; ++k)
-    if (std::isnan(theta_i[k]) || std::isnan(theta_o[k]) || !std::isfinite(phi[k]))
-      throw InputError("an angle of a fibre's scattering is not a number: direction " + std::to_string(k));
-
   std::array<Bell, 3> bells;
   for (std::size_t lobe = 0; lobe < 3; ++lobe) {
     const LongitudinalKernel& kernel = kernels_[lobe];

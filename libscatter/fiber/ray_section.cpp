@@ -546,7 +546,6 @@ double RaySection::averaged(int order, double theta_d, double phi, double width)
     throw InputError(fmt::format("an average over {} rad is not possible: 0.001..10", width));
   const Optics<double> o(*this, theta_d);
   const double turn = 2 * std::numbers::pi, norm = 1 / (width * std::sqrt(turn));
-  const int images = static_cast<int>(std::ceil(9 * width / turn)) + 1;
   double sum = 0;
   // d phi / d gamma is below 2 p + 2 in size.
   integrate(
@@ -555,12 +554,13 @@ double RaySection::averaged(int order, double theta_d, double phi, double width)
         double window = 0;
         for (const double side : {phi - out, phi + out}) {
           const double nearest = std::remainder(side, turn);
-          for (int k = -images; k <= images; ++k) {
+          // Whole turns that bring it within 9 widths: mostly none.
+          for (double k = std::ceil((-9 * width - nearest) / turn); nearest + k * turn <= 9 * width; ++k) {
             const double x = (nearest + k * turn) / width;
             window += std::exp(-0.5 * x * x);
           }
         }
-        sum += attenuation(o, ray, order) * dh * 0.5 * norm * window;
+        if (window > 0) sum += attenuation(o, ray, order) * dh * 0.5 * norm * window;
       });
   return sum;
 }

@@ -392,6 +392,92 @@ std::string draw(const Plot& plot, PictureFormat format) {
   return finished_picture(s.text, format);
 }
 
+std::string draw(const PolarPlot& plot, PictureFormat format) {
+  if (plot.curves.empty()) throw std::invalid_argument("a plot needs at least one curve");
+  double largest = 0;
+  for (const Curve& curve : plot.curves) {
+    if (curve.x.size() != curve.y.size()) throw std::invalid_argument("a curve needs as many x as y");
+    for (const double y : curve.y) {
+      if (y < 0) throw std::invalid_argument("a polar plot has no place for negative values");
+      if (std::isfinite(y)) largest = std::max(largest, y);
+    }
+  }
+  if (!(largest > 0)) throw std::invalid_argument("nothing to draw: no value is positive");
+
+  Script s;
+  set_terminal(s, format, plot.width, plot.height);
+  constexpr int top = 44, bottom = 24;
+  int widest = 0;
+  for (const Curve& curve : plot.curves) widest = std::max(widest, length(curve.label));
+  const int columns = std::clamp((plot.width - 40) / (widest * character_px + 56), 1, 4);
+  const int rows = (static_cast<int>(plot.curves.size()) + columns - 1) / columns;
+  const int legend_px = rows * (text_px + 5) + 24;
+  const int side = std::max(std::min(plot.width - 120, plot.height - top - legend_px - bottom), 100);
+  const auto across = [&](int px) { return static_cast<double>(px) / plot.width; };
+  const auto up = [&](int px) { return 1 - static_cast<double>(px) / plot.height; };
+  const int left = (plot.width - side) / 2, first_row = top + legend_px;
+  s.line("set lmargin at screen {}\nset rmargin at screen {}", across(left), across(left + side));
+  s.line("set tmargin at screen {}\nset bmargin at screen {}", up(first_row), up(first_row + side));
+  // Unit circle: values are scaled here, so that gnuplot need not know about roots.
+  s.line("set xrange [-1.12:1.12]\nset yrange [-1.12:1.12]\nunset border\nunset tics");
+  const double step = tick_step(largest);
+  int rings = 0;
+  for (double value = step; value <= largest * 1.0001; value += step) ++rings;
+  const double scale = 1 / std::sqrt(largest);
+  for (int k = 0; k < rings; ++k) {
+    const double value = step * (k + 1), r = std::sqrt(value) * scale;
+    s.line("set object {} circle at 0,0 size {} fs empty border lc rgb '#cccccc' lw 0.7 back", k + 1, r);
+    // Labels on a spoke of their own, where rings are not too near.
+    if (k == 0 || k + 1 == rings || rings <= 4 || k == rings / 2)
+      s.line(
+          "set label {} '{:g}' at {},{} center font '{},9' tc rgb '#777777' front", 100 + k, value,
+          r * std::sin(1.31), r * std::cos(1.31), font);
+  }
+  s.line("set object 99 circle at 0,0 size 1 fs empty border lc rgb '#888888' lw 0.8 back");
+  for (int degrees = 0; degrees < 360; degrees += 30) {
+    const double a = degrees * 3.14159265358979323846 / 180;
+    s.line(
+        "set arrow {} from 0,0 to {},{} nohead lc rgb '#dddddd' lw 0.6 back", degrees / 30 + 1, std::sin(a),
+        std::cos(a));
+    s.line(
+        "set label {} '{}°' at {},{} center tc rgb '#222222'", 200 + degrees,
+        degrees <= 180 ? degrees : degrees - 360, 1.08 * std::sin(a), 1.08 * std::cos(a));
+  }
+  for (std::size_t i = 0; i < plot.curves.size(); ++i) {
+    const Curve& curve = plot.curves[i];
+    s.line("$curve{} << END", i);
+    for (std::size_t k = 0; k < curve.x.size(); ++k) {
+      if (!std::isfinite(curve.x[k]) || !std::isfinite(curve.y[k])) {
+        s.line("");
+        continue;
+      }
+      const double a = curve.x[k] * 3.14159265358979323846 / 180, r = std::sqrt(curve.y[k]) * scale;
+      s.line("{:.6g} {:.6g}", r * std::sin(a), r * std::cos(a));
+    }
+    s.line("END");
+  }
+  if (!plot.title.empty())
+    s.line(
+        "set label 300 {} at screen 0.5,{} center noenhanced font '{},{}'", quoted(plot.title), up(22), font,
+        format == PictureFormat::png ? 13 : 17);
+  s.line(
+      "set key at screen 0.5,{} center top horizontal maxcols {} noenhanced reverse Left samplen 2.5 spacing "
+      "1.2 tc rgb "
+      "'#222222'",
+      up(top), columns);
+  std::string command;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < plot.curves.size(); ++i) {
+    const Curve& curve = plot.curves[i];
+    command += fmt::format(
+        "{}$curve{} using 1:2 with lines lc rgb '{}' lw {}{} {}", i == 0 ? "plot " : ", ", i,
+        curve.colour.empty() ? palette[next++ % palette.size()] : curve.colour, curve.width,
+        curve.dashed ? " dt 2" : "", curve.label.empty() ? "notitle" : "title " + quoted(curve.label));
+  }
+  s.line("{}", command);
+  return finished_picture(s.text, format);
+}
+
 std::string draw(const ColourImage& image, PictureFormat format) {
   if (image.columns < 1 || image.rows < 1 ||
       image.pixels.size() != static_cast<std::size_t>(image.columns) * static_cast<std::size_t>(image.rows))
@@ -594,6 +680,10 @@ void write_plot(const std::filesystem::path& path, const ColourImage& image) {
 }
 
 void write_plot(const std::filesystem::path& path, const HalfDiscPlot& plot) {
+  write(path, plot);
+}
+
+void write_plot(const std::filesystem::path& path, const PolarPlot& plot) {
   write(path, plot);
 }
 

@@ -40,6 +40,15 @@ struct Plot {
   int width = 1000, height = 640; ///< pixels
 };
 
+/// Curves around a point: x is an angle in degrees, clockwise from the top, y a value >= 0 whose square root
+/// is the distance from the middle, so that weak lobes show beside strong ones. Bands, strips and points are
+/// not drawn.
+struct PolarPlot {
+  std::string title{};
+  std::vector<Curve> curves{};
+  int width = 800, height = 800; ///< pixels
+};
+
 /// A picture of colours with axes, one pixel of the drawing per colour.
 struct ColourImage {
   std::string title{}, x_label{}, y_label{};
@@ -81,9 +90,13 @@ enum class PictureFormat { png, svg };
 /// unequal lengths, no panel, panels without room, or nothing that is positive.
 [[nodiscard]] std::string draw(const HalfDiscPlot& plot, PictureFormat format);
 
+/// Throws as draw(Plot) does, also for values that are negative or curves of which nothing is positive.
+[[nodiscard]] std::string draw(const PolarPlot& plot, PictureFormat format);
+
 /// draw() into a file that appears whole or not at all. Throws as draw() and table::PartFile do.
 void write_plot(const std::filesystem::path& path, const Plot& plot);
 void write_plot(const std::filesystem::path& path, const ColourImage& image);
 void write_plot(const std::filesystem::path& path, const HalfDiscPlot& plot);
+void write_plot(const std::filesystem::path& path, const PolarPlot& plot);
 
 } // namespace scatter::scene

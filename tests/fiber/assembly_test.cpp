@@ -287,8 +287,41 @@ TEST(DualScattering, AdjustmentsDoWhatTheySay) {
   EXPECT_NEAR(
       shifted.back({0.1, 0.0, 0}, {})[0] * c1 * c1, plain.back({0.1, 0.2, 0}, {})[0] * c0 * c0, 1e-12);
   options = {};
+  options.back_energy = BackEnergy::conserved;
+  EXPECT_DOUBLE_EQ(DualScattering(hair, hair, options).back(at, {})[1], 0.25 * plain.back(at, {})[1]);
+  options = {};
   options.adjustments.back_variance = -100; // never below a floor: finite
   EXPECT_TRUE(std::isfinite(DualScattering(hair, hair, options).back({0.1, 0.2, 0}, {})[0]));
+}
+
+TEST(DualScattering, BackEnergyIsThatOfTheLadderSums) {
+  // Integral of f_back cos theta_o d omega over the half circle of azimuths, narrow enough that cosines
+  // are 1.
+  HairParameters parameters;
+  parameters.shift = 0;
+  parameters.width = 0.01;
+  const auto hair = std::make_shared<const HairScattering>(parameters);
+  DualScatteringOptions options;
+  options.nodes = 31;
+  const DualScattering zinke(hair, hair, options);
+  options.back_energy = BackEnergy::conserved;
+  const DualScattering conserved(hair, hair, options);
+  Rgb one{}, other{};
+  constexpr int steps = 4000;
+  for (int i = 0; i < steps; ++i) {
+    const double theta_o = pi * ((i + 0.5) / steps - 0.5),
+                 area = pi / steps * pi * std::cos(theta_o) * std::cos(theta_o);
+    const Rgb a = zinke.back({0, theta_o, 0}, {}), b = conserved.back({0, theta_o, 0}, {});
+    for (std::size_t c = 0; c < 3; ++c) {
+      one[c] += a[c] * area;
+      other[c] += b[c] * area;
+    }
+  }
+  const AssemblyAverages averages = conserved.table()(0);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(other[c], averages.A_b[c], 0.005 * averages.A_b[c]);
+    EXPECT_NEAR(one[c], 4 * averages.A_b[c], 0.02 * averages.A_b[c]);
+  }
 }
 
 } // namespace

@@ -2,6 +2,7 @@
 #include "sampling.hpp"
 #include <scatter/fiber/absorption.hpp>
 #include <scatter/fiber/hair.hpp>
+#include <scatter/fiber/hair_program.hpp>
 #include <scatter/fiber/quadrature.hpp>
 #include <scatter/optics/errors.hpp>
 
@@ -147,6 +148,96 @@ TEST(Hair, IsReciprocalAndEvenInAzimuth) {
     const Rgb one = hair.eval(at), other = hair.eval({at.theta_o, at.theta_i, -at.phi});
     for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(one[c], other[c], 1e-12 * one[c]);
   }
+}
+
+TEST(Hair, BatchesAgreeWithEval) {
+  // With the residual lobe and without, colours that differ, all directions; lengths that fill no vector.
+  for (const bool residual : {true, false}) {
+    HairParameters parameters;
+    parameters.sigma_a = {0, 0.3, 4};
+    parameters.residual = residual;
+    const HairScattering hair(parameters);
+    const RaySection section(1.55, 0.3);
+    std::mt19937_64 generator(5);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    constexpr std::size_t count = 1003;
+    std::vector<double> theta_i(count), theta_o(count), phi(count), value(3 * count);
+    for (std::size_t k = 0; k < count; ++k) {
+      theta_i[k] = std::asin(uniform(generator));
+      theta_o[k] = std::asin(uniform(generator));
+      phi[k] = 3 * pi * uniform(generator); // beyond one turn, too
+    }
+    phi[0] = 0;
+    phi[1] = pi;
+    theta_i[2] = theta_o[2] = pi / 2;
+    theta_i[3] = 5; // clamped
+    hair.eval(theta_i, theta_o, phi, value);
+    for (std::size_t k = 0; k < count; ++k) {
+      const Angles at{theta_i[k], theta_o[k], phi[k]};
+      const Rgb expected = hair.eval(at);
+      // Beside caustics and rims the distance to them decides.
+      const double theta_d = bounded(at).theta_d(), around = std::abs(wrap_angle(phi[k]));
+      const double eta_prime = bravais_index(1.55, std::min(std::abs(theta_d), largest_theta_d));
+      double distance = std::min(
+          std::abs(around - std::abs(wrap_angle(4 * std::asin(1 / eta_prime) - pi))),
+          std::abs(around - 2 * std::asin(1 / eta_prime)));
+      for (const double caustic : section.caustics(2, std::min(std::abs(theta_d), largest_theta_d)))
+        distance = std::min(distance, std::abs(around - caustic));
+      const double bound = std::max(1e-12, 1e-15 / std::max(distance, 1e-12));
+      for (std::size_t c = 0; c < 3; ++c)
+        EXPECT_NEAR(value[c * count + k], expected[c], bound * expected[c] + 1e-290)
+            << k << ": " << theta_i[k] << " " << theta_o[k] << " " << phi[k];
+    }
+  }
+  const HairScattering hair{HairParameters{}};
+  std::vector<double> one(1), two(2), three(3);
+  EXPECT_THROW(hair.eval(one, two, one, three), InputError);
+  EXPECT_THROW(hair.eval(one, one, one, two), InputError);
+  one[0] = std::nan("");
+  EXPECT_THROW(hair.eval(one, one, one, three), InputError);
+}
+
+TEST(Hair, DeviceAgreesWithBatches) {
+  std::mt19937_64 generator(6);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  constexpr std::size_t count = 2003; // fills no vector
+  std::vector<double> theta_i(count), theta_o(count), phi(count), here(3 * count), there(3 * count);
+  for (std::size_t k = 0; k < count; ++k) {
+    theta_i[k] = std::asin(uniform(generator));
+    theta_o[k] = std::asin(uniform(generator));
+    phi[k] = 3 * pi * uniform(generator);
+  }
+  for (const bool residual : {true, false}) {
+    HairParameters parameters;
+    parameters.sigma_a = {0, 0.3, 4};
+    parameters.residual = residual;
+    const HairScattering hair(parameters);
+    const HairProgram program(hair, scatter::compute::Device());
+    hair.eval(theta_i, theta_o, phi, here);
+    program.eval(theta_i, theta_o, phi, there);
+    const RaySection section(1.55, 0.3);
+    for (std::size_t k = 0; k < count; ++k) {
+      // Beside a caustic or a rim both are as good as rounding lets them be.
+      const double theta_d = std::min(std::abs(theta_o[k] - theta_i[k]) / 2, largest_theta_d);
+      const double around = std::abs(wrap_angle(phi[k])), eta_prime = bravais_index(1.55, theta_d);
+      double distance = std::min(
+          std::abs(around - std::abs(wrap_angle(4 * std::asin(1 / eta_prime) - pi))),
+          std::abs(around - 2 * std::asin(1 / eta_prime)));
+      for (const double caustic : section.caustics(2, theta_d))
+        distance = std::min(distance, std::abs(around - caustic));
+      const double bound = std::max(1e-12, 1e-15 / std::max(distance, 1e-12));
+      for (std::size_t c = 0; c < 3; ++c)
+        EXPECT_NEAR(there[c * count + k], here[c * count + k], bound * here[c * count + k] + 1e-290)
+            << k << ": " << theta_i[k] << " " << theta_o[k] << " " << phi[k];
+    }
+    EXPECT_THROW(program.eval(theta_i, theta_o, phi, {there.data(), 3}), InputError);
+  }
+  const auto section = std::make_shared<const RaySection>(1.55, 0.1);
+  HairParameters parameters;
+  parameters.residual = false;
+  EXPECT_THROW(
+      HairProgram(HairScattering(parameters, {section, section, section}), scatter::compute::Device()),
+      InputError);
 }
 
 TEST(Hair, SamplesFollowThePdf) {

@@ -63,7 +63,10 @@ TEST_F(QuickReport, HoldsEveryCaseAndSaysThatItIsQuick) {
   EXPECT_THAT(*html, HasSubstr("A quick run."));
   std::vector<std::string> names;
   for (const auto& one : (*json)["cases"]) names.push_back(one["name"]);
-  EXPECT_THAT(names, ElementsAre("sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "exact"));
+  EXPECT_THAT(
+      names, ElementsAre(
+                 "sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "exact", "fiber-dual",
+                 "fiber-waves"));
   EXPECT_THAT(outcome->errors, IsEmpty());
 }
 
@@ -203,7 +206,7 @@ TEST_F(QuickReport, PageIsWholeAndFetchesNothing) {
     EXPECT_EQ(page.find(what), std::string::npos) << what;
   std::size_t figures = 0;
   for (std::size_t at = page.find("<svg"); at != std::string::npos; at = page.find("<svg", at + 1)) ++figures;
-  EXPECT_EQ(figures, 6U);
+  EXPECT_EQ(figures, 12U);
   for (std::size_t at = page.find("href="); at != std::string::npos; at = page.find("href=", at + 1))
     EXPECT_EQ(page[at + 6], '#') << page.substr(at, 60);
   for (const char* const nonsense : {"nan", "inf "})
