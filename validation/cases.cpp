@@ -27,6 +27,8 @@ const std::vector<Case>& cases() {
        run_bow_angles},
       {"exact", "exact spheres, Debye series and cylinders at their hard cases against arbitrary precision",
        run_exact},
+      {"fiber-dual", "dual scattering of hair against random walks among strands, with times",
+       run_fiber_dual},
       {"fiber-waves", "the lobes of rays in fibres against the exact cylinder, by radius", run_fiber_waves},
   };
   return all;

@@ -49,6 +49,9 @@ struct Case {
 /// with error, error estimate and time; Airy's and the Debye series' bows against published maxima. Of the
 /// settings only threads and quick count.
 [[nodiscard]] CaseReport run_exact(const Settings& settings, const Progress& progress);
+/// Dual scattering of hair against random walks among parallel and tangled strands, with the times of both.
+/// Of the settings only threads and quick count.
+[[nodiscard]] CaseReport run_fiber_dual(const Settings& settings, const Progress& progress);
 /// R, TT and TRT of rays in silk and hair against Debye's terms of the exact cylinder by fibre radius,
 /// averaged over azimuth; forward diffraction. Of the settings only quick counts.
 [[nodiscard]] CaseReport run_fiber_waves(const Settings& settings, const Progress& progress);

@@ -1,4 +1,5 @@
 #include "azimuthal_plot.hpp"
+#include "cloth_plot.hpp"
 #include "lee.hpp"
 #include "verbs.hpp"
 #include <scatter/optics/errors.hpp>
@@ -277,24 +278,41 @@ void run(const Texts& texts) {
   scene::write_plot(texts.output, plot);
 }
 
-/// A table, a Lee diagram and an azimuthal figure have nothing to say to each other's options.
-void refuse_mixed(const CLI::App& verb, bool lee, bool azimuthal) {
-  if (lee && azimuthal) throw InputError("--azimuthal: --lee asks for another picture; give one of the two");
+/// What is drawn has options of its own; the others' have nothing to say to it. A table has those of no
+/// group.
+void refuse_mixed(const CLI::App& verb, bool lee, bool azimuthal, bool cloth) {
+  struct Kind {
+    const char *option, *group, *name;
+    bool wanted;
+    std::vector<std::string> also; ///< options of a table that it has too
+  };
+  const Kind kinds[] = {
+      {"--lee", "Lee diagram", "a Lee diagram", lee, {"--exposure"}},
+      {"--azimuthal", "Azimuthal figure", "an azimuthal figure", azimuthal, {"--width", "--height"}},
+      {"--cloth", "Cloth", "a fabric's plot", cloth, {"--width"}}};
+  const Kind* drawn = nullptr;
+  for (const Kind& kind : kinds) {
+    if (!kind.wanted) continue;
+    if (drawn != nullptr)
+      throw InputError(
+          std::string(kind.option) + ": " + drawn->option + " asks for another picture; give one of the two");
+    drawn = &kind;
+  }
   for (const CLI::Option* const option : verb.get_options()) {
     if (option->count() == 0) continue;
     const std::string name = option->get_name();
-    if (name == "--lee" || name == "--azimuthal" || name == "--output" || name == "--verbose") continue;
-    const bool of_lee = option->get_group() == "Lee diagram",
-               of_fiber = option->get_group() == "Azimuthal figure";
-    if (of_lee && !lee) throw InputError(name + ": belongs to a Lee diagram; add --lee");
-    if (of_fiber && !azimuthal) throw InputError(name + ": belongs to an azimuthal figure; add --azimuthal");
-    if (lee && !of_lee && name != "--exposure")
-      throw InputError(name + ": a Lee diagram is computed, not read from a table; leave it out");
-    if (azimuthal && !of_fiber && name != "--width" && name != "--height")
-      throw InputError(name + ": an azimuthal figure is computed, not read from a table; leave it out");
+    if (name == "--output" || name == "--verbose") continue;
+    const auto owner = std::ranges::find(
+        kinds, option->get_group(), [](const Kind& kind) { return std::string(kind.group); });
+    const bool of_table = owner == std::end(kinds);
+    if (!of_table && !owner->wanted)
+      throw InputError(name + ": belongs to " + owner->name + "; add " + owner->option);
+    if (of_table && drawn != nullptr && std::ranges::find(drawn->also, name) == drawn->also.end())
+      throw InputError(name + ": " + drawn->name + " is computed, not read from a table; leave it out");
   }
-  if (!lee && !azimuthal && verb.count("FILE") == 0)
-    throw InputError("FILE is missing: name a table made by scatter phase, or use --lee or --azimuthal");
+  if (drawn == nullptr && verb.count("FILE") == 0)
+    throw InputError(
+        "FILE is missing: name a table made by scatter phase, or use --lee, --azimuthal or --cloth");
 }
 
 } // namespace
@@ -333,8 +351,11 @@ void add_plot(CLI::App& app, Context&) {
   add_lee_options(*verb, *lee);
   const auto azimuthal = std::make_shared<AzimuthalTexts>();
   add_azimuthal_options(*verb, *azimuthal);
-  verb->callback([texts, lee, azimuthal, verb] {
-    refuse_mixed(*verb, lee->wanted, azimuthal->wanted);
+  const auto cloth = std::make_shared<ClothPlotTexts>();
+  add_cloth_plot_options(*verb, *cloth);
+  verb->callback([texts, lee, azimuthal, cloth, verb] {
+    refuse_mixed(*verb, lee->wanted, azimuthal->wanted, cloth->cloth.has_value());
+    if (cloth->cloth) return run_cloth_plot(*cloth, texts->width, texts->output);
     if (azimuthal->wanted) {
       const bool square = azimuthal->polar && verb->count("--width") + verb->count("--height") == 0;
       const int width = square ? 800 : texts->width, height = square ? 830 : texts->height;

@@ -24,8 +24,8 @@ namespace {
 constexpr std::size_t block = 256; ///< directions at a time: all lists stay in the first cache
 constexpr std::size_t chunk = 64;  ///< problems at a time
 constexpr std::size_t lanes = 8;   ///< of the widest vectors
-constexpr std::size_t most_roots = 3 * block + 2 * lanes;
-constexpr int few_steps = 6, many_steps = 24;
+constexpr std::size_t most_roots = 3 * block + 2 * lanes + 1; ///< one to write to in vain
+constexpr int few_steps = 6, many_steps = 12;
 
 /// exp(x) for x <= 0, relative 3e-16; below -708: 0.
 SCATTER_FIBER_INLINE double exp_of_negative(double x) {
@@ -265,22 +265,24 @@ void ray_lobes(
     std::fill(C + n, C + block, 0.0);
     closed_forms(eta2, block, c, S, C, R, TT, path, rays, hard);
     std::size_t roots = 0;
-    const auto gather = [&](std::size_t i, double cos_d, double sine, double cosine, double side) {
+    // Without branches, which nothing would predict: what is not wanted is overwritten.
+    const auto gather = [&](std::size_t i, double cos_d, double sine, double cosine, double side,
+                            bool wanted) {
       problems.direction[roots] = static_cast<std::uint32_t>(i);
       problems.cos_d[roots] = cos_d;
       problems.sine[roots] = sine;
       problems.cosine[roots] = cosine;
-      problems.side[roots++] = side;
+      problems.side[roots] = side;
+      roots += wanted ? 1 : 0;
     };
     const auto gather_all = [&](double hardness) {
       for (std::size_t i = 0; i < n; ++i) {
-        const int which = static_cast<int>(rays[i]);
-        if (which == 0 || hard[i] != hardness) continue;
-        if ((which & 1) != 0) gather(i, c[i], S[i], C[i], -1);
-        if ((which & 2) != 0) gather(i, c[i], S[i], C[i], 1);
-        if ((which & 4) != 0) gather(i, c[i], -S[i], C[i], 1);
+        const int which = hard[i] == hardness ? static_cast<int>(rays[i]) : 0;
+        gather(i, c[i], S[i], C[i], -1, (which & 1) != 0);
+        gather(i, c[i], S[i], C[i], 1, (which & 2) != 0);
+        gather(i, c[i], -S[i], C[i], 1, (which & 4) != 0);
       }
-      while (roots % lanes != 0) gather(block, 1, 0, 1, 1);
+      while (roots % lanes != 0) gather(block, 1, 0, 1, 1, true);
     };
     gather_all(0);
     const std::size_t easy = roots;

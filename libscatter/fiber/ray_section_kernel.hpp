@@ -50,6 +50,8 @@ public:
   /// energy[i] for cos_theta_d[i]; vectorised. Throws std::invalid_argument when lengths do not match.
   void evaluate(std::span<const double> cos_theta_d, std::span<double> energy) const;
   [[nodiscard]] std::size_t terms() const { return coefficient_.size(); }
+  /// Of Chebyshev's polynomials of 2 sqrt(cos_theta_d) - 1.
+  [[nodiscard]] const std::vector<double>& coefficients() const { return coefficient_; }
 
 private:
   /// A little absorption makes the energy bend within cos theta_d < sigma_a: the root spreads that out.

@@ -357,4 +357,37 @@ INSTANTIATE_TEST_SUITE_P(
             {"--output", "a.nc", ".csv"}}),
     name_of);
 
+INSTANTIATE_TEST_SUITE_P(
+    Cloth, BadInput,
+    testing::Values(
+        Case{
+            "FabricUnknown",
+            {"fiber", "cloth", "--fabric", "velvte", "--directions", "-"},
+            {"--fabric", "velvte", "did you mean velvet?"}},
+        Case{
+            "FabricFarFromAny",
+            {"fiber", "cloth", "--fabric", "chainmail", "--directions", "-"},
+            {"--fabric", "chainmail", "linen-plain"}},
+        Case{
+            "FabricFileNotThere",
+            {"fiber", "cloth", "--fabric", "/no/such.json", "--directions", "-"},
+            {"--fabric", "/no/such.json", "cannot be read"}},
+        Case{
+            "ClothVariantUnknown",
+            {"fiber", "cloth", "--fabric", "velvet", "--directions", "-", "--variant", "corrected"},
+            {"--variant", "corrected", "energy-true"}},
+        Case{
+            "ClothSamplesZero",
+            {"fiber", "cloth", "--fabric", "velvet", "--directions", "-", "--samples", "0"},
+            {"--samples", "\"0\"", "100000"}},
+        Case{
+            "DirectionsNotThere",
+            {"fiber", "cloth", "--fabric", "velvet", "--directions", "/no/such.json"},
+            {"--directions", "/no/such.json", "cannot be read"}},
+        Case{
+            "ThreadFileNotThere",
+            {"fiber", "thread", "--params", "/no/such.json", "--directions", "-"},
+            {"--params", "/no/such.json", "cannot be read"}}),
+    name_of);
+
 } // namespace

@@ -181,6 +181,32 @@ TEST(PolarPlot, GoesAroundWithItsAnglesAndLabels) {
   EXPECT_THROW((void)draw(plot, PictureFormat::svg), std::invalid_argument);
 }
 
+TEST(HalfDiscPlot, HoldsItsPanelsRingsAndRays) {
+  HalfDiscPlot plot{.title = "lobes", .radius_label = "per steradian"};
+  for (const double scale : {1.0, 300.0}) {
+    Curve curve{.label = "round", .x = {-80, 0, 80}, .y = {0.5 * scale, 0.9 * scale, 0.5 * scale}};
+    plot.panels.push_back({.label = scale > 1 ? "bright" : "dim", .curves = {curve}, .mark = -30});
+  }
+  const std::string svg = draw(plot, PictureFormat::svg);
+  // Rings of 0.9 and of 270 at round values; the legend names a curve of both panels once.
+  for (const char* text :
+       {"lobes", "per steradian", "bright", "dim", ">0.2<", ">0.8<", ">100<", ">300<", "-60°"})
+    EXPECT_THAT(svg, HasSubstr(text));
+  EXPECT_EQ(svg.find("round"), svg.rfind("round"));
+  EXPECT_EQ(svg, draw(plot, PictureFormat::svg));
+
+  EXPECT_THROW(static_cast<void>(draw(HalfDiscPlot{}, PictureFormat::svg)), std::invalid_argument);
+  HalfDiscPlot crowded = plot;
+  crowded.panels.resize(40);
+  EXPECT_THROW(static_cast<void>(draw(crowded, PictureFormat::svg)), std::invalid_argument);
+  HalfDiscPlot uneven = plot;
+  uneven.panels[0].curves[0].x.pop_back();
+  EXPECT_THROW(static_cast<void>(draw(uneven, PictureFormat::svg)), std::invalid_argument);
+  HalfDiscPlot dark = plot;
+  for (auto& panel : dark.panels) panel.curves[0].y = {0, 0, 0};
+  EXPECT_THROW(static_cast<void>(draw(dark, PictureFormat::svg)), std::invalid_argument);
+}
+
 TEST(ColourImage, IsDrawnPixelByPixelWithItsAxes) {
   ColourImage image{.title = "two colours", .x_label = "radius", .y_label = "angle"};
   image.x_first = 10;

@@ -1,101 +1,215 @@
-// How long fibres take: R, TT and TRT of many directions at once, one direction in the careful way, energies,
-// and waves. items_per_second counts directions.
+// How many directions a second fibres are evaluated in: cloth/* threads and fabrics, hair/* hair.
 
-#include <scatter/fiber/ray_section.hpp>
-#include <scatter/fiber/ray_section_kernel.hpp>
-#include <scatter/fiber/wave_section.hpp>
+#include <scatter/compute/device.hpp>
+#include <scatter/fiber/artist_hair.hpp>
+#include <scatter/fiber/cloth_program.hpp>
+#include <scatter/fiber/fabric.hpp>
+#include <scatter/fiber/hair.hpp>
+#include <scatter/fiber/hair_program.hpp>
+#include <scatter/fiber/weave.hpp>
 
 #include <benchmark/benchmark.h>
 
 #include <cmath>
-#include <numbers>
+#include <cstdint>
 #include <random>
+#include <string>
 #include <vector>
 
 namespace {
 
-using namespace scatter::fiber;
-constexpr double pi = std::numbers::pi;
+using namespace scatter;
 
-/// Light and view anywhere: uniform in azimuth and in inclination.
-struct Directions {
-  std::vector<double> theta_d, phi, cosine, S, C;
-  explicit Directions(std::size_t count) {
-    std::mt19937 random(1);
-    std::uniform_real_distribution<double> unit(0, 1);
-    for (std::size_t i = 0; i < count; ++i) {
-      theta_d.push_back(0.5 * pi * (unit(random) - unit(random)));
-      phi.push_back(pi * unit(random));
-      cosine.push_back(std::cos(theta_d[i]));
-      S.push_back(std::sin(phi[i] / 2));
-      C.push_back(std::cos(phi[i] / 2));
+/// Pairs of directions above the cloth, even over the hemisphere.
+struct Pairs {
+  std::vector<glm::dvec3> light, view;
+
+  explicit Pairs(std::size_t count) {
+    std::mt19937_64 random(1);
+    const auto draw = [&] {
+      const double z = std::generate_canonical<double, 53>(random);
+      const double phi = 6.283185307179586 * std::generate_canonical<double, 53>(random),
+                   r = std::sqrt(1 - z * z);
+      return glm::normalize(glm::dvec3(r * std::cos(phi), r * std::sin(phi), z));
+    };
+    for (std::size_t k = 0; k < count; ++k) {
+      light.push_back(draw());
+      view.push_back(draw());
     }
   }
 };
 
-void lobes_of_many_directions(benchmark::State& state) {
-  const Directions directions(4096);
-  const std::vector<double> three{0.2, 0.3, 0.5};
-  const std::span<const double> sigma_a(three.data(), static_cast<std::size_t>(state.range(0)));
-  std::vector<double> N(3 * sigma_a.size() * directions.phi.size());
-  for (auto _ : state) {
-    ray_lobes(1.55, sigma_a, {directions.cosine, directions.S, directions.C}, N);
-    benchmark::DoNotOptimize(N.data());
-  }
-  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(directions.phi.size()));
+/// One thread along its whole curve: 64 tangents, all of them different.
+fiber::Weave one_thread() {
+  fiber::Weave weave = fiber::load_fabric("linen-plain").weave;
+  weave.threads.resize(1);
+  weave.threads[0].coverage = 1;
+  return weave;
 }
-BENCHMARK(lobes_of_many_directions)->ArgName("colours")->Arg(1)->Arg(3);
 
-void residual_of_many_directions(benchmark::State& state) {
-  const Directions directions(4096);
-  const ResidualEnergy residual(1.55, 0.2, 3);
-  std::vector<double> energy(directions.phi.size());
+/// items_per_second: evaluations by the processor time of the one thread that makes them.
+void cloth_batch(benchmark::State& state, const fiber::Weave& weave) {
+  const fiber::Cloth cloth(weave);
+  const Pairs pairs(4096);
+  std::vector<fiber::Rgb> values(pairs.light.size());
   for (auto _ : state) {
-    residual.evaluate(directions.cosine, energy);
-    benchmark::DoNotOptimize(energy.data());
+    cloth.eval(pairs.light, pairs.view, values);
+    benchmark::DoNotOptimize(values.data());
   }
-  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(directions.phi.size()));
+  std::size_t tangents = 0;
+  for (const auto& strand : cloth.strands()) tangents += strand.tangents.size();
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(values.size()));
+  state.counters["tangents"] = static_cast<double>(tangents);
 }
-BENCHMARK(residual_of_many_directions);
 
-void order_of_one_direction(benchmark::State& state) {
-  const Directions directions(1024);
-  const RaySection section(1.55, 0.2);
-  const int order = static_cast<int>(state.range(0));
-  std::size_t i = 0;
+void cloth_single(benchmark::State& state) {
+  const fiber::Cloth cloth(one_thread());
+  const Pairs pairs(256);
+  std::size_t k = 0;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(section.distribution(order, directions.theta_d[i], directions.phi[i]));
-    i = (i + 1) % directions.phi.size();
+    benchmark::DoNotOptimize(cloth.eval(pairs.light[k], pairs.view[k]));
+    k = (k + 1) % pairs.light.size();
   }
   state.SetItemsProcessed(state.iterations());
 }
-BENCHMARK(order_of_one_direction)->ArgName("order")->Arg(0)->Arg(1)->Arg(2)->Arg(8);
 
-void moments_of_an_order(benchmark::State& state) {
-  const RaySection section(1.55, 0.2);
-  for (auto _ : state)
-    benchmark::DoNotOptimize(section.moments(static_cast<int>(state.range(0)), 0.3).energy);
+void cloth_sample(benchmark::State& state) {
+  const fiber::Cloth cloth(fiber::load_fabric("polyester-satin-front").weave);
+  const Pairs pairs(256);
+  std::mt19937_64 random(1);
+  std::size_t k = 0;
+  for (auto _ : state) {
+    std::array<double, 4> u;
+    for (double& x : u) x = std::generate_canonical<double, 53>(random);
+    benchmark::DoNotOptimize(cloth.sample(pairs.view[k], u));
+    k = (k + 1) % pairs.light.size();
+  }
+  state.SetItemsProcessed(state.iterations());
 }
-BENCHMARK(moments_of_an_order)->ArgName("order")->Arg(0)->Arg(2)->Unit(benchmark::kMicrosecond);
 
-void moments_of_the_residual(benchmark::State& state) {
-  const RaySection section(1.55, 0.2);
-  for (auto _ : state) benchmark::DoNotOptimize(section.residual(3, 0.3).energy);
+void cloth_opencl(benchmark::State& state, const fiber::Weave& weave) {
+  const fiber::Cloth cloth(weave);
+  const fiber::ClothProgram program(cloth, compute::Device());
+  const Pairs pairs(1 << 18);
+  std::vector<fiber::Rgb> values(pairs.light.size());
+  program.eval(pairs.light, pairs.view, values); // builds the kernel
+  for (auto _ : state) program.eval(pairs.light, pairs.view, values);
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(values.size()));
 }
-BENCHMARK(moments_of_the_residual)->Unit(benchmark::kMicrosecond);
 
-void waves_of_three_orders(benchmark::State& state) {
-  const std::vector<int> orders{0, 1, 2};
-  const double x = 2 * pi * static_cast<double>(state.range(0)) / 0.55;
-  for (auto _ : state) benchmark::DoNotOptimize(wave_profiles(1.55, 0, x, 0.3, orders).error_estimate);
+/// Inclinations and azimuths of pairs of directions, even over the sphere.
+struct Inclinations {
+  std::vector<double> theta_i, theta_o, phi;
+
+  explicit Inclinations(std::size_t count) {
+    std::mt19937_64 random(1);
+    const auto draw = [&] { return 2 * std::generate_canonical<double, 53>(random) - 1; };
+    for (std::size_t k = 0; k < count; ++k) {
+      theta_i.push_back(std::asin(draw()));
+      theta_o.push_back(std::asin(draw()));
+      phi.push_back(3.141592653589793 * draw());
+    }
+  }
+};
+
+/// Three colours, R, TT, TRT and the residual lobe.
+void hair_batch(benchmark::State& state) {
+  const fiber::HairScattering hair{fiber::HairParameters{}};
+  const Inclinations at(4096);
+  std::vector<double> values(3 * at.phi.size());
+  for (auto _ : state) {
+    hair.eval(at.theta_i, at.theta_o, at.phi, values);
+    benchmark::DoNotOptimize(values.data());
+  }
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(at.phi.size()));
 }
-BENCHMARK(waves_of_three_orders)
-    ->ArgName("radius_um")
-    ->Arg(5)
-    ->Arg(40)
-    ->Unit(benchmark::kMillisecond)
-    ->UseRealTime();
+
+void hair_opencl(benchmark::State& state) {
+  const fiber::HairProgram program(fiber::HairScattering{fiber::HairParameters{}}, compute::Device());
+  const Inclinations at(1 << 20);
+  std::vector<double> values(3 * at.phi.size());
+  program.eval(at.theta_i, at.theta_o, at.phi, values); // builds the kernel
+  for (auto _ : state) program.eval(at.theta_i, at.theta_o, at.phi, values);
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(at.phi.size()));
+}
+
+template <typename Hair>
+void hair_single(benchmark::State& state, const Hair& hair) {
+  const Inclinations at(256);
+  std::size_t k = 0;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(hair.eval(fiber::Angles{at.theta_i[k], at.theta_o[k], at.phi[k]}));
+    k = (k + 1) % at.phi.size();
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+
+template <typename Hair>
+void hair_sample(benchmark::State& state, const Hair& hair) {
+  const Inclinations at(256);
+  std::mt19937_64 random(1);
+  std::size_t k = 0;
+  for (auto _ : state) {
+    std::array<double, 3> u;
+    for (double& x : u) x = std::generate_canonical<double, 53>(random);
+    benchmark::DoNotOptimize(hair.sample(at.theta_i[k], u));
+    k = (k + 1) % at.phi.size();
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+
+void hair_dual(benchmark::State& state) {
+  const auto hair = std::make_shared<const fiber::HairScattering>(fiber::HairParameters{});
+  const fiber::DualScattering dual(hair, hair);
+  const Inclinations at(256);
+  std::size_t k = 0;
+  for (auto _ : state) {
+    const fiber::Angles angles{at.theta_i[k], at.theta_o[k], at.phi[k]};
+    benchmark::DoNotOptimize(dual.eval(angles, dual.estimated(angles.theta_i, 0.5, 8)));
+    k = (k + 1) % at.phi.size();
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+
+void hair_tables(benchmark::State& state) {
+  for (auto _ : state) {
+    const fiber::HairScattering hair{fiber::HairParameters{}};
+    benchmark::DoNotOptimize(fiber::AssemblyTable(hair).error_estimate());
+  }
+}
 
 } // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  benchmark::RegisterBenchmark(
+      "cloth/64_tangents", [](benchmark::State& state) { cloth_batch(state, one_thread()); });
+  for (const std::string& name : fiber::fabric_names())
+    benchmark::RegisterBenchmark(("cloth/" + name).c_str(), [name](benchmark::State& state) {
+      cloth_batch(state, fiber::load_fabric(name).weave);
+    });
+  benchmark::RegisterBenchmark("cloth/one_by_one/64_tangents", cloth_single);
+  benchmark::RegisterBenchmark("cloth/sample/polyester-satin-front", cloth_sample);
+  benchmark::RegisterBenchmark("cloth/opencl/64_tangents", [](benchmark::State& state) {
+    cloth_opencl(state, one_thread());
+  })->UseRealTime();
+  benchmark::RegisterBenchmark("hair/batch", hair_batch);
+  benchmark::RegisterBenchmark("hair/one_by_one", [](benchmark::State& state) {
+    hair_single(state, fiber::HairScattering{fiber::HairParameters{}});
+  });
+  benchmark::RegisterBenchmark("hair/sample", [](benchmark::State& state) {
+    hair_sample(state, fiber::HairScattering{fiber::HairParameters{}});
+  });
+  benchmark::RegisterBenchmark("hair/artist/one_by_one", [](benchmark::State& state) {
+    hair_single(state, fiber::ArtistHair{fiber::ArtistHairParameters{}});
+  });
+  benchmark::RegisterBenchmark("hair/artist/sample", [](benchmark::State& state) {
+    hair_sample(state, fiber::ArtistHair{fiber::ArtistHairParameters{}});
+  });
+  benchmark::RegisterBenchmark("hair/opencl", hair_opencl)->UseRealTime();
+  benchmark::RegisterBenchmark("hair/dual_scattering", hair_dual);
+  benchmark::RegisterBenchmark("hair/tables", hair_tables)->Unit(benchmark::kMillisecond);
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}
