@@ -428,6 +428,7 @@ void run_model(
   }
   ExactOutput output(texts.output);
 
+  double seconds = 0;
   auto start = std::chrono::steady_clock::now();
   std::vector<Rgb> values;
   std::vector<fiber::DualScattering::Parts> parts;
@@ -447,12 +448,13 @@ void run_model(
     }
     start = std::chrono::steady_clock::now();
     model.by_rays->eval(theta_i, theta_o, phi, found);
+    seconds = seconds_since(start);
     for (std::size_t i = 0; i < count; ++i)
       values.push_back({found[i], found[count + i], found[2 * count + i]});
   } else {
     for (const fiber::Angles& at : angles) values.push_back(model.single->eval(at));
   }
-  const double seconds = seconds_since(start);
+  if (seconds == 0) seconds = seconds_since(start);
   spdlog::info("{} pairs of directions, {:.3g} s", values.size(), seconds);
 
   const std::string method = model.method + (dual ? "; dual scattering, times cos theta_i" : "");
