@@ -25,6 +25,9 @@ const std::vector<Case>& cases() {
       {"energy", "energy of every order of a falling drop: over directions and in the rays", run_energy},
       {"bow-angles", "geometric bow angles of spheres, spheroids and raindrops against published ones",
        run_bow_angles},
+      {"integral",
+       "the diffraction integral on spheres: orders against Debye's terms, their sum against Lorenz-Mie",
+       run_integral},
       {"exact", "exact spheres, Debye series and cylinders at their hard cases against arbitrary precision",
        run_exact},
   };

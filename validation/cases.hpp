@@ -45,6 +45,11 @@ struct Case {
 [[nodiscard]] CaseReport run_energy(const Settings& settings, const Progress& progress);
 /// Geometric bow angles of spheres, spheroids and raindrops against published ones.
 [[nodiscard]] CaseReport run_bow_angles(const Settings& settings, const Progress& progress);
+/// The diffraction integral on spheres traced as any drop: complex amplitudes of orders against Debye's
+/// terms, the whole phase function against Lorenz-Mie beside patches with and without the Gaussian filter.
+/// Also makes integral-accuracy.csv, which is tables/accuracy/integral.csv when the settings are the standard
+/// ones.
+[[nodiscard]] CaseReport run_integral(const Settings& settings, const Progress& progress);
 /// The exact references themselves: hard spheres, Debye series and cylinders against arbitrary precision,
 /// with error, error estimate and time; Airy's and the Debye series' bows against published maxima. Of the
 /// settings only threads and quick count.
