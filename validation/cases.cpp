@@ -28,6 +28,10 @@ const std::vector<Case>& cases() {
       {"integral",
        "the diffraction integral on spheres: orders against Debye's terms, their sum against Lorenz-Mie",
        run_integral},
+      {"drops",
+       "falling drops: rays, windows, reciprocity, the umbilic focus, a second uniform method, the twinned "
+       "bow",
+       run_drops},
       {"pareto", "error against time of every method: the bows of spheres, and the time of a falling drop",
        run_pareto},
       {"hard-cases", "hard cases of drops: each with its expected answer or its documented limit",

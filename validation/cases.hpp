@@ -50,6 +50,10 @@ struct Case {
 /// Also makes integral-accuracy.csv, which is tables/accuracy/integral.csv when the settings are the standard
 /// ones.
 [[nodiscard]] CaseReport run_integral(const Settings& settings, const Progress& progress);
+/// Consistency of falling drops, which have no exact theory: convergence with rays, independence of the
+/// integral's windows, reciprocity, the umbilic focus of spheroids, Chester, Friedman and Ursell's uniform
+/// formula at the top of the bow, the twinned bow. Of the settings index, threads and quick count.
+[[nodiscard]] CaseReport run_drops(const Settings& settings, const Progress& progress);
 /// Error against wall time of both bows of spheres by patches with and without filter, the integral and
 /// Lorenz-Mie at several settings, 650 nm; the time of a falling drop at all azimuths. Of the settings index,
 /// threads and quick count.

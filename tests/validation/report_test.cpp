@@ -65,7 +65,9 @@ TEST_F(QuickReport, HoldsEveryCaseAndSaysThatItIsQuick) {
   std::vector<std::string> names;
   for (const auto& one : (*json)["cases"]) names.push_back(one["name"]);
   EXPECT_THAT(
-      names, ElementsAre("sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "integral", "exact"));
+      names, ElementsAre(
+                 "sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "integral", "drops", "pareto",
+                 "hard-cases", "exact"));
   EXPECT_THAT(outcome->errors, IsEmpty());
 }
 
@@ -171,6 +173,35 @@ TEST_F(QuickReport, IntegralIsHeldToTheoryOrderByOrderAndAsAWhole) {
   EXPECT_TRUE(std::filesystem::exists(folder->file("report/integral-accuracy.csv")));
 }
 
+TEST_F(QuickReport, HardCasesOfDropsAreNamedOneByOne) {
+  const auto& rows = find("hard-cases")["rows"];
+  EXPECT_EQ(rows.size(), 20U);
+  std::set<std::string> names;
+  for (const auto& row : rows) {
+    names.insert(row["name"]);
+    EXPECT_FALSE(row["found"].get<std::string>().empty()) << row;
+  }
+  EXPECT_EQ(names.size(), rows.size());
+}
+
+TEST_F(QuickReport, ErrorAndTimeOfEveryMethodStandSideBySide) {
+  std::map<std::string, double> best;
+  for (const auto& row : find("pareto")["rows"]) {
+    EXPECT_GT(row["seconds"].get<double>(), 0) << row;
+    EXPECT_GT(row["intensity_rms"].get<double>(), 0) << row;
+    const auto [at, added] = best.emplace(row["method"], row["intensity_rms"]);
+    if (!added) at->second = std::min(at->second, row["intensity_rms"].get<double>());
+  }
+  EXPECT_EQ(best.size(), 4U);
+  // Lorenz-Mie errs by its table's step alone.
+  EXPECT_LT(best.at("Lorenz-Mie"), 0.01);
+  EXPECT_LT(best.at("integral"), best.at("patches and Gaussian filter"));
+}
+
+TEST_F(QuickReport, TheUmbilicFocusIsFound) {
+  EXPECT_NEAR(find("drops")["umbilic"]["D_over_H"].get<double>(), 1.310, 0.005);
+}
+
 TEST(BowPeaks, AreThoseOfAiryAndOfTheirTheory) {
   // Ai'(-z) = 0, Abramowitz & Stegun table 10.13.
   EXPECT_NEAR(validation::airy_maximum(1), 1.01879297, 1e-8);
@@ -233,7 +264,7 @@ TEST_F(QuickReport, PageIsWholeAndFetchesNothing) {
     EXPECT_EQ(page.find(what), std::string::npos) << what;
   std::size_t figures = 0;
   for (std::size_t at = page.find("<svg"); at != std::string::npos; at = page.find("<svg", at + 1)) ++figures;
-  EXPECT_EQ(figures, 8U);
+  EXPECT_EQ(figures, 10U);
   for (std::size_t at = page.find("href="); at != std::string::npos; at = page.find("href=", at + 1))
     EXPECT_EQ(page[at + 6], '#') << page.substr(at, 60);
   for (const char* const nonsense : {"nan", "inf "})
@@ -267,6 +298,7 @@ INSTANTIATE_TEST_SUITE_P(
     Options, Refused,
     testing::Values(
         std::tuple(Arguments{"--case", "cube"}, "sphere, figure-3.12"),
+        std::tuple(Arguments{"cube"}, "sphere, figure-3.12"),
         std::tuple(Arguments{"--radius", "1um"}, "0.005mm to 3mm"),
         std::tuple(Arguments{"--radius", "-1mm"}, "--radius"),
         std::tuple(Arguments{"--wavelengths", "150nm"}, "--wavelengths"),
