@@ -385,6 +385,7 @@ CaseReport run_integral(const Settings& settings, const Progress& progress) {
     int order; ///< whose bow
     Region band;
     std::array<double, 3> largest, rms; ///< per way
+    double perfect = 0;                 ///< largest of perfect amplitudes of the same orders
   };
   std::vector<Polarisation> polarisation;
   std::vector<std::pair<double, scene::Plot>> pictures;
@@ -409,7 +410,7 @@ CaseReport run_integral(const Settings& settings, const Progress& progress) {
       for (const int p : {3, 2}) {
         const Region bow = p == 2 ? Region{137, 145} : Region{120, 129};
         if (bow.from_deg >= from && bow.to_deg <= to)
-          here.push_back({radius, wavelength, p, bright_band(truth, grid, bow), {}, {}});
+          here.push_back({radius, wavelength, p, bright_band(truth, grid, bow), {}, {}, 0});
       }
       for (const Way way : ways) {
         // The filter acts on intensities: it has no amplitudes to be added up.
@@ -464,6 +465,9 @@ CaseReport run_integral(const Settings& settings, const Progress& progress) {
           report.numbers["truncation"].push_back(std::move(entry));
         }
       }
+      const Curve perfect = smooth(debye.up_to(last_order));
+      for (Polarisation& bow : here)
+        bow.perfect = compare(perfect, truth, grid, bow.band).polarisation_largest;
       polarisation.insert(polarisation.end(), here.begin(), here.end());
       if (plotted) {
         errors.title = fmt::format(
@@ -504,7 +508,8 @@ CaseReport run_integral(const Settings& settings, const Progress& progress) {
          {"p", bow.order},
          {"band_deg", {bow.band.from_deg, bow.band.to_deg}},
          {"polarisation_max", bow.largest},
-         {"polarisation_rms", bow.rms}});
+         {"polarisation_rms", bow.rms},
+         {"polarisation_max_of_perfect_orders", bow.perfect}});
   report.files.push_back({"integral-accuracy.csv", accuracy_table(settings, wavelengths, entries)});
 
   // For people.
@@ -579,7 +584,7 @@ CaseReport run_integral(const Settings& settings, const Progress& progress) {
   Table degrees{
       "Degree of linear polarisation in the bows' bright bands (above half of the peak): largest difference",
       {"radius", "wavelength", "bow", "band", name_of(Way::patches), name_of(Way::gaussian),
-       name_of(Way::integral)},
+       name_of(Way::integral), "perfect orders"},
       {}};
   for (const Polarisation& bow : polarisation) {
     std::vector<std::string> row{
@@ -587,6 +592,7 @@ CaseReport run_integral(const Settings& settings, const Progress& progress) {
         bow.order == 2 ? "primary" : "secondary",
         fmt::format("{:.1f}..{:.1f} deg", bow.band.from_deg, bow.band.to_deg)};
     for (const double largest : bow.largest) row.push_back(fmt::format("{:.4f}", largest));
+    row.push_back(fmt::format("{:.4f}", bow.perfect));
     degrees.rows.push_back(std::move(row));
   }
   add(std::move(degrees));

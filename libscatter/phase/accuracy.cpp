@@ -1,6 +1,7 @@
 #include <scatter/optics/data_table.hpp>
 #include <scatter/phase/methods.hpp>
 
+#include <embedded/accuracy_integral.hpp>
 #include <embedded/accuracy_patches.hpp>
 #include <embedded/diffraction_gaussian_width.hpp>
 
@@ -8,6 +9,7 @@
 #include <cmath>
 #include <sstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace scatter::phase {
@@ -23,9 +25,10 @@ double gaussian_filter_width_deg(double radius_m) {
 
 namespace {
 
-/// One column of the accuracy table: "gaussian 137..150" holds errors between these angles, per radius.
+/// One column of an accuracy table: "gaussian 137..150" holds errors of that kind between these angles, per
+/// radius.
 struct Region {
-  bool gaussian = false;
+  std::string kind;
   double from_deg = 0, to_deg = 0;
   std::vector<double> radius_mm, error;
 
@@ -40,16 +43,15 @@ struct Region {
   }
 };
 
-std::vector<Region> read_regions() {
-  const DataTable table = parse_data_table(embedded::accuracy_patches);
+std::vector<Region> read_regions(std::string_view text) {
+  const DataTable table = parse_data_table(text);
   std::vector<Region> regions;
   for (std::size_t column = 1; column < table.columns.size(); ++column) {
     std::istringstream name{std::string(table.columns[column])};
-    std::string filter, range;
-    name >> filter >> range;
+    std::string kind, range;
+    name >> kind >> range;
     const std::size_t dots = range.find("..");
-    Region region{
-        filter == "gaussian", std::stod(range.substr(0, dots)), std::stod(range.substr(dots + 2)), {}, {}};
+    Region region{kind, std::stod(range.substr(0, dots)), std::stod(range.substr(dots + 2)), {}, {}};
     for (const std::vector<double>& row : table.rows) {
       region.radius_mm.push_back(row[0]);
       region.error.push_back(row[column]);
@@ -59,14 +61,12 @@ std::vector<Region> read_regions() {
   return regions;
 }
 
-} // namespace
-
-double patches_error_estimate(double radius_m, Diffraction diffraction, double theta_deg) {
-  static const std::vector<Region> regions = read_regions();
+double
+estimate(const std::vector<Region>& regions, std::string_view kind, double radius_m, double theta_deg) {
   const double radius_mm = radius_m * 1e3;
   double inside = 0, left = 0, right = 0;
   for (const Region& region : regions) {
-    if (region.gaussian != (diffraction == Diffraction::gaussian)) continue;
+    if (region.kind != kind) continue;
     const double error = region.at(radius_mm);
     // Columns stand in the order of their angles: the last one below and the first one above are the
     // neighbours.
@@ -78,8 +78,24 @@ double patches_error_estimate(double radius_m, Diffraction diffraction, double t
       inside = std::max(inside, error);
   }
   if (inside > 0) return inside;
-  // Nothing is claimed behind the last region, where the glory lies.
-  return right > 0 ? std::max(left, right) : std::max(1.0, left);
+  // Nothing is claimed before the first region and behind the last, where forward peak and glory lie.
+  return left > 0 && right > 0 ? std::max(left, right) : std::max({1.0, left, right});
+}
+
+} // namespace
+
+double patches_error_estimate(double radius_m, Diffraction diffraction, double theta_deg) {
+  static const std::vector<Region> regions = read_regions(embedded::accuracy_patches);
+  return estimate(regions, diffraction == Diffraction::gaussian ? "gaussian" : "none", radius_m, theta_deg);
+}
+
+double integral_error_estimate(double radius_m, const std::vector<int>& orders, double theta_deg) {
+  static const std::vector<Region> regions = read_regions(embedded::accuracy_integral);
+  int last = -1; // of the orders that are all there
+  for (const int order : orders)
+    if (order == last + 1) last = order;
+  if (last < 3) return 1;
+  return estimate(regions, last < 8 ? "p<=3" : "p<=8", radius_m, theta_deg);
 }
 
 } // namespace scatter::phase

@@ -16,6 +16,11 @@ namespace scatter::phase {
 /// 178 deg: the larger neighbour, at least 1.
 [[nodiscard]] double patches_error_estimate(double radius_m, Diffraction diffraction, double theta_deg);
 
+/// The same of the diffraction integral (tables/accuracy/integral.csv): of orders 0..8 if they are all there,
+/// else of 0..3; 1 where those are not, either, and outside the angles that were compared.
+[[nodiscard]] double
+integral_error_estimate(double radius_m, const std::vector<int>& orders, double theta_deg);
+
 /// The index that a request asks for at one wavelength, with its switches applied.
 [[nodiscard]] std::complex<double> index_at(const Request& request, double wavelength_m);
 

@@ -53,7 +53,10 @@ void run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) 
       lights.push_back({request.wavelength_m[w], plan.header.index[w]});
     std::vector<double> error_estimate;
     for (const double theta : request.theta_deg)
-      error_estimate.push_back(patches_error_estimate(request.shape.radius_m, request.diffraction, theta));
+      error_estimate.push_back(
+          request.diffraction == Diffraction::integral
+              ? integral_error_estimate(request.shape.radius_m, request.orders, theta)
+              : patches_error_estimate(request.shape.radius_m, request.diffraction, theta));
     sink.begin(plan.header);
     tracer.far_field(lights, wanted_of(request), [&](std::size_t w, wavefront::FarField& field) {
       table::Slab slab;

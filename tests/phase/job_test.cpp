@@ -462,6 +462,23 @@ TEST(Job, ReportsProgressUpToOne) {
   EXPECT_GT(sink.table.seconds, 0);
 }
 
+TEST(IntegralErrorEstimate, IsThatOfItsOrdersAndClaimsNothingElsewhere) {
+  const std::vector<int> four{0, 1, 2, 3}, nine{0, 1, 2, 3, 4, 5, 6, 7, 8}, bows{2, 3};
+  // tables/accuracy/integral.csv at a radius of its own: orders 6 and 7 light Alexander's band.
+  EXPECT_GT(integral_error_estimate(0.4e-3, four, 133), 0.1);
+  EXPECT_LT(integral_error_estimate(0.4e-3, nine, 133), 0.05);
+  EXPECT_LT(
+      integral_error_estimate(0.4e-3, nine, 140),
+      0.2 * patches_error_estimate(0.4e-3, Diffraction::gaussian, 140));
+  for (const double theta : {0.0, 10.0, 175.0, 180.0})
+    EXPECT_EQ(integral_error_estimate(0.4e-3, nine, theta), 1);
+  EXPECT_EQ(integral_error_estimate(0.4e-3, bows, 140), 1);
+  // Between two regions the larger neighbour.
+  EXPECT_EQ(
+      integral_error_estimate(0.4e-3, nine, 129.5),
+      std::max(integral_error_estimate(0.4e-3, nine, 129), integral_error_estimate(0.4e-3, nine, 130)));
+}
+
 TEST(Job, GivesAnErrorEstimateForEveryAngle) {
   for (const Request& request : {sphere_request(), drop_request()}) {
     const auto made = phase::compute(request);
