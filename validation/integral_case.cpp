@@ -446,7 +446,7 @@ CaseReport run_integral(const Settings& settings, const Progress& progress) {
         }
         if (plotted) {
           scene::Curve curve;
-          curve.label = name_of(way);
+          curve.label = way == Way::gaussian ? "Gaussian filter" : name_of(way); // a legend of one line
           for (std::size_t i = 0; i < grid.theta_deg.size(); ++i) {
             if (grid.theta_deg[i] < 120 || grid.theta_deg[i] > 150) continue;
             curve.x.push_back(grid.theta_deg[i]);
