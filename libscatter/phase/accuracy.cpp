@@ -70,7 +70,7 @@ std::vector<Region> read_regions() {
 }
 
 /// From the tables of tables/accuracy, interpolated in the logarithm of the radius. Between the regions: the
-/// larger neighbour. Beyond the last: the last, at least 1.
+/// larger neighbour. Before the first and beyond the last: that, at least 1.
 double measured_error(double radius_m, Diffraction diffraction, double theta_deg) {
   static const std::vector<Region> regions = read_regions();
   const double radius_mm = radius_m * 1e3;
@@ -88,8 +88,8 @@ double measured_error(double radius_m, Diffraction diffraction, double theta_deg
       inside = std::max(inside, error);
   }
   if (inside > 0) return inside;
-  // Nothing is claimed behind the last region, where the glory lies.
-  return right > 0 ? std::max(left, right) : std::max(1.0, left);
+  // Nothing is claimed before the first region and behind the last, where forward peak and glory lie.
+  return left > 0 && right > 0 ? std::max(left, right) : std::max({1.0, left, right});
 }
 
 /// How far a drop's bows may lie from the sphere's [deg]: Moebius's shift of the primary, (Moebius 1910), for

@@ -156,7 +156,7 @@ std::pair<double, double> extent(const Plot& plot, bool of_x) {
   for (const Curve& curve : plot.curves)
     for (std::size_t i = 0; i < curve.x.size(); ++i) {
       if (plot.x_range && (curve.x[i] < plot.x_range->first || curve.x[i] > plot.x_range->second)) continue;
-      if (!drawable(curve.y[i], plot.log_y) || !std::isfinite(curve.x[i])) continue;
+      if (!drawable(curve.y[i], plot.log_y) || !drawable(curve.x[i], plot.log_x)) continue;
       if (of_x) {
         low = std::min(low, curve.x[i]);
         high = std::max(high, curve.x[i]);
@@ -205,6 +205,8 @@ std::string finished_picture(const std::string& script, PictureFormat format) {
 
 void check(const Plot& plot) {
   if (plot.curves.empty()) throw std::invalid_argument("a plot needs at least one curve");
+  if (plot.log_x && (!plot.strips.empty() || (plot.x_range && !(plot.x_range->first > 0))))
+    throw std::invalid_argument("a logarithmic x axis has no strips and begins above zero");
   for (const Curve& curve : plot.curves) {
     const bool band = !curve.lower.empty() || !curve.upper.empty();
     if (curve.x.size() != curve.y.size() ||
@@ -324,7 +326,10 @@ std::string draw(const Plot& plot, PictureFormat format) {
   s.line(
       "set label 3 {} at screen {},{} center rotate noenhanced", quoted(plot.y_label), across(20),
       up((top + plot.height - bottom) / 2));
-  s.line("set xtics nomirror out {} offset 0,0.3 tc rgb '#222222'", tick_step(x_last - x_first));
+  s.line(
+      "set xtics nomirror out {} offset 0,0.3 tc rgb '#222222'",
+      plot.log_x ? 10 : tick_step(x_last - x_first));
+  if (plot.log_x) s.line("set logscale x\nset format x '%g'");
   s.line("set ytics nomirror out tc rgb '#222222'");
   s.line("set mxtics");
   s.line("set yrange [{}:{}]", y_first, y_last);

@@ -33,6 +33,7 @@ struct ColourStrip {
 
 struct Plot {
   std::string title{}, x_label{}, y_label{};
+  bool log_x = false; ///< then strips have no place
   bool log_y = false;
   std::optional<std::pair<double, double>> x_range{}, y_range{}; ///< default: what the curves need
   std::vector<Curve> curves{};

@@ -116,6 +116,15 @@ TEST(Plot, ValuesThatCannotBeDrawnLeaveAGap) {
   EXPECT_THAT(draw(plot, PictureFormat::svg), HasSubstr("angle (deg)"));
 }
 
+TEST(Plot, BothAxesMayBeLogarithmic) {
+  Plot plot{.title = "log-log", .x_label = "seconds", .y_label = "error", .log_x = true, .log_y = true};
+  plot.curves.push_back({.label = "marks", .x = {0.001, 0.1, 10}, .y = {30, 3, 0.3}, .points = true});
+  const std::string svg = draw(plot, PictureFormat::svg);
+  for (const char* tick : {">0.001<", ">0.1<", ">10<"}) EXPECT_THAT(svg, HasSubstr(tick));
+  plot.x_range = {{0, 10}};
+  EXPECT_THROW(static_cast<void>(draw(plot, PictureFormat::svg)), std::invalid_argument);
+}
+
 TEST(Plot, WrongRequestsAreRefused) {
   EXPECT_THROW(static_cast<void>(draw(Plot{}, PictureFormat::svg)), std::invalid_argument);
   Plot plot = example();
