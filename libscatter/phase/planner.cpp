@@ -109,7 +109,9 @@ candidates(const Request& request, double wavelength_m, std::complex<double> ind
   if (request.open.rays) grids = {300, 500, 1000, 2000, 4000};
   std::vector<Candidate> all;
   for (const Diffraction filter : filters)
-    for (const auto& orders : selections)
+    for (const auto& orders : selections) {
+      // One filter serves all orders: as wide as the highest needs, it blurs the bows of the low ones.
+      if (filter == Diffraction::gaussian && orders.back() > 3 && request.open.diffraction) continue;
       for (const int rays : grids) {
         Candidate c{request, {}};
         c.request.diffraction = filter;
@@ -118,6 +120,7 @@ candidates(const Request& request, double wavelength_m, std::complex<double> ind
         c.expected = predict(c.request, errors);
         all.push_back(std::move(c));
       }
+    }
   std::ranges::stable_sort(
       all, {}, [](const Candidate& c) { return std::pair(c.expected.seconds, c.expected.error); });
   return all;
