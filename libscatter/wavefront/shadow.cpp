@@ -1,0 +1,386 @@
+#include <scatter/optics/units.hpp>
+#include <scatter/wavefront/shadow.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <thread>
+
+namespace scatter::wavefront {
+namespace {
+
+using Complex = std::complex<double>;
+using Vector = std::array<double, 3>;
+constexpr Complex i{0, 1};
+
+constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 3000;
+/// Of (x/2)^(1/3) theta between entries.
+constexpr double edge_step = 0.03;
+/// Up to here, in k a theta, the whole contour counts; beyond twice it two points of it.
+constexpr double contour_end = 40, contour_end_over_ka = 0.25;
+
+double smooth_step(double a, double begin, double end) {
+  const double s = std::clamp((a - begin) / (end - begin), 0.0, 1.0), s2 = s * s;
+  return 1 - s2 * s2 * s * (126 - s * (420 - s * (540 - s * (315 - 70 * s))));
+}
+
+/// Lagrange's weights of four even nodes, place between the two in the middle: at = first node.
+struct Cubic {
+  int first = 0;
+  std::array<double, 4> weight{};
+};
+Cubic cubic(double place, int count) {
+  Cubic c;
+  c.first = std::clamp(static_cast<int>(std::floor(place)) - 1, 0, count - 4);
+  const double t = place - c.first;
+  c.weight = {
+      -(t - 1) * (t - 2) * (t - 3) / 6, t * (t - 2) * (t - 3) / 2, -t * (t - 1) * (t - 3) / 2,
+      t * (t - 1) * (t - 2) / 6};
+  return c;
+}
+
+Polarised operator*(double a, const Polarised& b) {
+  return {a * b[0], a * b[1]};
+}
+Polarised& operator+=(Polarised& a, const Polarised& b) {
+  a[0] += b[0];
+  a[1] += b[1];
+  return a;
+}
+
+double derivative(const std::vector<double>& series, double psi, int times) {
+  double sum = 0;
+  for (std::size_t n = 1; n < series.size(); ++n) {
+    const double order = static_cast<double>(n);
+    sum -= series[n] * (times == 1 ? order * std::sin(order * psi) : order * order * std::cos(order * psi));
+  }
+  return sum;
+}
+
+/// Principal curvatures at the polar angle t of the curve, and where the normal points.
+struct Bend {
+  double meridian = 1, across = 1, normal = 0, support = 1;
+};
+Bend bend(const drop::Shape& shape, double t) {
+  const double r = shape.radius(t), first = shape.slope(t), second = shape.second_derivative(t);
+  const double length2 = r * r + first * first, length = std::sqrt(length2);
+  Bend b;
+  b.normal = t - std::atan2(first, r);
+  b.support = r * r / length;
+  b.meridian = (length2 + first * first - r * second) / (length2 * length);
+  const double sine = std::sin(t);
+  b.across = std::abs(sine) < 1e-6 ? b.meridian : std::sin(b.normal) / (r * sine);
+  return b;
+}
+
+} // namespace
+
+Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light)
+    : ka_(2 * pi * shape.radius_m / light.wavelength_m), convex_(shape.is_convex()) {
+  const double h = sun_elevation_deg * radians_per_degree;
+  axis_ = {std::cos(h), 0, std::sin(h)};
+  describe_surface(shape);
+  describe_rim(shape, sun_elevation_deg);
+  double least = 1e300, most = 0;
+  for (const RimPoint& p : rim_) {
+    least = std::min(least, p.size);
+    most = std::max(most, p.size);
+  }
+  if (convex_)
+    for (const SurfacePoint& p : surface_) {
+      least = std::min(least, ka_ / std::max(p.meridian, p.across));
+      most = std::max(most, ka_ / std::min(p.meridian, p.across));
+    }
+  const int count = most > least * (1 + 1e-9) ? sizes_at_most : 1;
+  edges_.resize(count);
+  for (int s = 0; s < count; ++s) {
+    sizes_.push_back(
+        count == 1 ? most : least * std::pow(most / least, static_cast<double>(s) / (count - 1)));
+    const EdgeWave wave(sizes_[s], light.index);
+    const int steps = static_cast<int>(std::floor(wave.furthest() * wave.gamma() / edge_step + 1e-9));
+    for (int n = -steps; n <= steps; ++n) {
+      const auto at = wave.at(n * edge_step / wave.gamma());
+      edges_[s].push_back({at.weight, at.moment, at.tail, at.line_weight, at.reflected});
+    }
+    std::vector<Polarised> by_angle;
+    for (int n = 0; n <= reflection_steps; ++n) {
+      const double root = static_cast<double>(n) / reflection_steps;
+      by_angle.push_back(wave.reflection(pi * root * root));
+    }
+    reflection_.push_back(std::move(by_angle));
+  }
+}
+
+void Shadow::describe_surface(const drop::Shape& shape) {
+  if (!convex_) return;
+  double t = 0;
+  for (int n = 0; n <= surface_steps; ++n) {
+    // The normal's polar angle grows with t: Newton's steps from the last.
+    const double normal = pi * n / surface_steps;
+    for (int step = 0; step < 8; ++step) {
+      const Bend b = bend(shape, t);
+      const double turn = b.meridian * std::hypot(shape.radius(t), shape.slope(t));
+      const double change = std::clamp((normal - b.normal) / std::max(turn, 1e-3), -0.02, 0.02);
+      t = std::clamp(t + change, 0.0, pi);
+      if (std::abs(change) < 1e-13) break;
+    }
+    const Bend b = bend(shape, t);
+    surface_.push_back({b.support, std::max(b.meridian, 0.02), std::max(b.across, 0.02)});
+  }
+}
+
+void Shadow::describe_rim(const drop::Shape& shape, double sun_elevation_deg) {
+  const Outline outline = outline_series(shape, sun_elevation_deg);
+  for (int n = 0; n < rim_points; ++n) {
+    const double psi = 2 * pi * n / rim_points, c = std::cos(psi), s = std::sin(psi);
+    const double R = series_value(outline.radius, c), R1 = derivative(outline.radius, psi, 1);
+    const double R2 = derivative(outline.radius, psi, 2), speed = std::hypot(R, R1);
+    RimPoint p;
+    p.x = R * c;
+    p.y = R * s;
+    p.z = series_value(outline.z, c);
+    p.normal_x = (R * c + R1 * s) / speed;
+    p.normal_y = (R * s - R1 * c) / speed;
+    p.length = speed * 2 * pi / rim_points;
+    p.reach = p.x * p.normal_x + p.y * p.normal_y;
+    p.z_slope = derivative(outline.z, psi, 1) / speed;
+    p.outline_radius = speed * speed * speed / std::max(R * R + 2 * R1 * R1 - R * R2, 0.05 * R * R);
+    // The surface's curvature along the light: between its principal ones.
+    const Vector P{p.x, p.y, p.z}, N{p.normal_x, p.normal_y, 0};
+    const double r = std::hypot(p.x, p.y, p.z);
+    const double on_axis = (P[0] * axis_[0] + P[2] * axis_[2]) / r;
+    const Bend b = bend(shape, std::acos(std::clamp(on_axis, -1.0, 1.0)));
+    // The parallel circle's direction is axis x N.
+    const Vector circle{-axis_[2] * N[1], axis_[2] * N[0], axis_[0] * N[1]};
+    const double length2 = circle[0] * circle[0] + circle[1] * circle[1] + circle[2] * circle[2];
+    const double share = length2 < 1e-12 ? 0 : circle[2] * circle[2] / length2;
+    p.size = ka_ / std::max(share * b.across + (1 - share) * b.meridian, 0.05);
+    rim_.push_back(p);
+  }
+  for (int n = 0; n < rim_points; ++n)
+    rim_[n].size_slope = (rim_[(n + 1) % rim_points].size - rim_[(n + rim_points - 1) % rim_points].size) /
+                         (2 * rim_[n].length);
+}
+
+Shadow::Blend Shadow::between_sizes(double x) const {
+  Blend blend;
+  const int count = static_cast<int>(sizes_.size());
+  if (count == 1) {
+    blend.weight = {1, 0, 0, 0};
+    return blend;
+  }
+  const double place = std::log(x / sizes_.front()) / std::log(sizes_.back() / sizes_.front()) * (count - 1);
+  const Cubic c = cubic(std::clamp(place, 0.0, count - 1.0), count);
+  for (int k = 0; k < 4; ++k) blend.at[k] = c.first + k;
+  blend.weight = c.weight;
+  return blend;
+}
+
+Shadow::EdgeEntry Shadow::edge(double x, double theta) const {
+  const Blend sizes = between_sizes(x);
+  const double place = std::cbrt(0.5 * x) * theta / edge_step;
+  EdgeEntry sum{};
+  for (int k = 0; k < 4; ++k) {
+    if (sizes.weight[k] == 0) continue;
+    const auto& table = edges_[sizes.at[k]];
+    const int count = static_cast<int>(table.size());
+    const Cubic c = cubic(place + (count - 1) / 2, count);
+    // moment and tail scale with (x/2)^(1/3).
+    const double scale = sizes.weight[k] * std::cbrt(x / sizes_[sizes.at[k]]);
+    for (int n = 0; n < 4; ++n) {
+      const EdgeEntry& e = table[c.first + n];
+      sum.weight += sizes.weight[k] * c.weight[n] * e.weight;
+      sum.line += sizes.weight[k] * c.weight[n] * e.line;
+      sum.reflected += sizes.weight[k] * c.weight[n] * e.reflected;
+      sum.moment += scale * c.weight[n] * e.moment;
+      sum.tail += scale * c.weight[n] * e.tail;
+    }
+  }
+  return sum;
+}
+
+Shadow::Azimuth Shadow::azimuth(double phi_deg) const {
+  Azimuth a;
+  a.cos_phi = cos_deg(phi_deg);
+  a.sin_phi = sin_deg(phi_deg);
+  for (int side = 0; side < 2; ++side) {
+    const double sign = side == 0 ? 1 : -1, cx = sign * a.cos_phi, cy = sign * a.sin_phi;
+    // Where the normal passes phi.
+    for (int n = 0; n < rim_points; ++n) {
+      const RimPoint &p = rim_[n], &q = rim_[(n + 1) % rim_points];
+      const double before = p.normal_x * cy - p.normal_y * cx, after = q.normal_x * cy - q.normal_y * cx;
+      if (p.normal_x * cx + p.normal_y * cy < 0 || before < 0 || after >= 0) continue;
+      const double t = before / (before - after);
+      auto& rim = a.rim[side];
+      // The support function, from both ends to second order.
+      const auto support = [&](const RimPoint& from) {
+        const double turn = from.normal_x * cy - from.normal_y * cx;
+        return from.x * cx + from.y * cy + 0.5 * from.outline_radius * turn * turn;
+      };
+      const auto mix = [&](double u, double v) { return u + t * (v - u); };
+      rim.outline_radius = mix(p.outline_radius, q.outline_radius);
+      // P . c is greatest at the point itself; ends lie lower by their distance squared over 2 radii.
+      rim.reach = mix(support(p), support(q));
+      rim.z = mix(p.z, q.z);
+      rim.z_slope = mix(p.z_slope, q.z_slope);
+      rim.x = mix(p.size, q.size);
+      break;
+    }
+  }
+  return a;
+}
+
+double Shadow::share(double theta_deg) const {
+  if (convex_) return 1;
+  const double end = std::min(contour_end, contour_end_over_ka * ka_) / ka_;
+  return smooth_step(theta_deg * radians_per_degree, end, 2 * end);
+}
+
+Polarised Shadow::reflected(double theta, const Azimuth& azimuth) const {
+  if (!convex_) return {};
+  // The normal halves the angle between -light and the direction.
+  const double along = std::cos(0.5 * theta), back = std::sin(0.5 * theta);
+  const Vector normal{along * azimuth.cos_phi, along * azimuth.sin_phi, -back};
+  const double cosine = std::clamp(normal[0] * axis_[0] + normal[2] * axis_[2], -1.0, 1.0);
+  const double place = std::acos(cosine) / pi * surface_steps;
+  const Cubic c = cubic(place, surface_steps + 1);
+  SurfacePoint p{0, 0, 0};
+  for (int n = 0; n < 4; ++n) {
+    const SurfacePoint& from = surface_[c.first + n];
+    p.support += c.weight[n] * from.support;
+    p.meridian += c.weight[n] * from.meridian;
+    p.across += c.weight[n] * from.across;
+  }
+  // The plane of incidence cuts the surface along the direction (light + (light . N) N): its part on the
+  // parallel circle.
+  const Vector level{back * azimuth.cos_phi, back * azimuth.sin_phi, along};
+  const Vector circle{
+      axis_[1] * normal[2] - axis_[2] * normal[1], axis_[2] * normal[0] - axis_[0] * normal[2],
+      axis_[0] * normal[1] - axis_[1] * normal[0]};
+  const double length2 = circle[0] * circle[0] + circle[1] * circle[1] + circle[2] * circle[2];
+  const double on_circle = level[0] * circle[0] + level[1] * circle[1] + level[2] * circle[2];
+  const double share = length2 < 1e-12 ? 0 : on_circle * on_circle / length2;
+  const double x = ka_ / (share * p.across + (1 - share) * p.meridian);
+  const Blend sizes = between_sizes(x);
+  const Cubic a = cubic(std::sqrt(theta / pi) * reflection_steps, reflection_steps + 1);
+  Polarised r{};
+  for (int k = 0; k < 4; ++k) {
+    if (sizes.weight[k] == 0) continue;
+    for (int n = 0; n < 4; ++n) r += sizes.weight[k] * a.weight[n] * reflection_[sizes.at[k]][a.first + n];
+  }
+  const Complex ray = std::polar(0.5 * ka_ / std::sqrt(p.meridian * p.across), -2 * ka_ * p.support * back);
+  return {ray * r[0], ray * r[1]};
+}
+
+Amplitude Shadow::contour(double theta, const Azimuth& azimuth) const {
+  // k^2 / (2 pi) times the transform of the shadow, its edge displaced along the normal by (lambda - x) / k
+  // and averaged; lengths here are in 1 / k.
+  Complex sum = 0, parallel = 0, cross = 0;
+  for (const RimPoint& p : rim_) {
+    const double along = p.normal_x * azimuth.cos_phi + p.normal_y * azimuth.sin_phi;
+    const double aside =
+        p.normal_y * azimuth.cos_phi - p.normal_x * azimuth.sin_phi; // sine of the normal's azimuth
+    const double place = p.x * azimuth.cos_phi + p.y * azimuth.sin_phi;
+    const double phase = -ka_ * std::sin(theta) * place - p.size * (theta - std::sin(theta)) * along +
+                         ka_ * p.z * (1 - std::cos(theta));
+    const Complex piece = std::polar(ka_ * p.length, phase);
+    const EdgeEntry e = edge(p.size, theta * along);
+    const Complex weight = 0.5 * (e.weight[0] + e.weight[1]), moment = 0.5 * (e.moment[0] + e.moment[1]);
+    // i q . N / q^2, N the displaced outline's normal; 1 / theta is taken out below.
+    const double gamma_turn = p.size_slope / (3 * p.size); // of the displacement along the outline
+    sum += piece * i *
+           (along * (weight + moment / (ka_ * p.outline_radius)) + aside * gamma_turn * moment / ka_);
+    // What both polarisations differ by stays next to the rim.
+    const Complex difference = 0.5 * (e.tail[0] - e.tail[1]);
+    parallel += piece * difference * (along * along - aside * aside);
+    cross += piece * difference * (2 * along * aside);
+  }
+  const double scale = 1 / (2 * pi) * std::sqrt(theta / std::sin(theta));
+  sum *= scale / theta;
+  parallel *= scale;
+  cross *= scale;
+  return {sum - parallel, sum + parallel, -cross, -cross};
+}
+
+Amplitude Shadow::two_points(double theta, const Azimuth& azimuth) const {
+  Polarised sum = reflected(theta, azimuth);
+  const double sine = std::sin(theta);
+  for (int side = 0; side < 2; ++side) {
+    const double sign = side == 0 ? 1 : -1;
+    const auto& rim = azimuth.rim[side];
+    const double scaled = sign * std::cbrt(0.5 * rim.x) * theta;
+    const double last = edge_step * static_cast<double>((edges_.front().size() - 1) / 2);
+    if (std::abs(scaled) >= last) continue;
+    const EdgeEntry e = edge(rim.x, sign * theta);
+    const double X = ka_ * rim.outline_radius * theta;
+    // The outline does not lie in a plane: its stationary point moves a little.
+    const double climb = ka_ * rim.z_slope * (1 - std::cos(theta));
+    const double phase = -sign * (ka_ * sine * rim.reach + rim.x * (theta - sine)) +
+                         ka_ * rim.z * (1 - std::cos(theta)) -
+                         sign * climb * climb * rim.outline_radius / (2 * ka_ * theta) + sign * pi / 4;
+    // Hankel's function of the outline's circle (DLMF 10.17.5), two terms.
+    const Complex hankel{1 + 15 / (128 * X * X), -sign * 3 / (8 * X)};
+    const Complex factor = sign * i * std::sqrt(X / (2 * pi)) / (theta * theta) * std::sqrt(theta / sine) *
+                           std::polar(1.0, phase);
+    const double left = smooth_step(std::abs(scaled), last - 0.7, last);
+    for (int q = 0; q < 2; ++q) {
+      // Across the plane of scattering the other polarisation's wave comes in.
+      const Complex line = e.line[q] + sign * i / X * (e.line[1 - q] - e.line[q]);
+      sum[q] += left * factor * (hankel * line - e.reflected[q]);
+    }
+  }
+  return {sum[0], sum[1], 0, 0};
+}
+
+Amplitude Shadow::at(double theta_deg, const Azimuth& azimuth) const {
+  const double theta = std::max(theta_deg * radians_per_degree, 1e-9 / ka_);
+  const double end = std::min(contour_end, contour_end_over_ka * ka_) / ka_;
+  const double near = smooth_step(theta, end, 2 * end);
+  Amplitude sum{};
+  if (near > 0) {
+    const Amplitude a = contour(theta, azimuth);
+    sum = {near * a.S1, near * a.S2, near * a.S3, near * a.S4};
+  }
+  if (near < 1) {
+    const Amplitude a = two_points(theta, azimuth);
+    sum.S1 += (1 - near) * a.S1;
+    sum.S2 += (1 - near) * a.S2;
+  }
+  return sum;
+}
+
+void add_shadow(
+    const Shadow& shadow, double ka, const Layout& layout, Columns columns, unsigned threads,
+    std::span<double> sums) {
+  const std::size_t rows = layout.theta_deg.size();
+  std::atomic<int> next = 0;
+  const auto run = [&] {
+    for (int column = next++; column < columns.count(); column = next++) {
+      const double phi = layout.phi_deg[columns.first + column];
+      const auto azimuth = shadow.azimuth(phi);
+      const double c = cos_deg(phi), s = sin_deg(phi);
+      for (std::size_t row = 0; row < rows; ++row) {
+        const double theta = layout.theta_deg[row];
+        const Amplitude a = shadow.at(theta, azimuth);
+        // The inverse of amplitude_matrix() in kernels/far_field.cl.
+        const double h = cos_deg(theta) < 0 ? -1 : 1;
+        const Complex x_theta = a.S2 * c + a.S3 * s, x_phi = -a.S4 * c - a.S1 * s;
+        const Complex y_theta = a.S2 * s - a.S3 * c, y_phi = -a.S4 * s + a.S1 * c;
+        const Complex parts[] = {
+            h * c * x_theta - s * x_phi, s * x_theta + h * c * x_phi, h * c * y_theta - s * y_phi,
+            s * y_theta + h * c * y_phi};
+        double* at = sums.data() + 8 * (static_cast<std::size_t>(column) * rows + row);
+        for (int part = 0; part < 4; ++part) {
+          at[part] += parts[part].real() / ka;
+          at[part + 4] += parts[part].imag() / ka;
+        }
+      }
+    }
+  };
+  std::vector<std::thread> others;
+  for (unsigned t = 1; t < std::min<unsigned>(threads, columns.count()); ++t) others.emplace_back(run);
+  run();
+  for (std::thread& thread : others) thread.join();
+}
+
+} // namespace scatter::wavefront
