@@ -58,6 +58,23 @@ Outside outside(Complex tau, Complex root, Complex beta, double x) {
   return {scale, sine * sine / (x * cosine * cosine) + scale / (2.0 * tau)};
 }
 
+/// A Riccati-Hankel function's Airy function and its derivative by tau, with the next term of Olver's series:
+/// w + b w'. b follows from Debye's approximation, whose first correction it must give back far from the rim.
+struct Wave {
+  Complex value, slope;
+};
+Complex next_term(Complex beta, Complex root, double x) {
+  // The difference tends to beta / 70.
+  const Complex cosine = std::sin(beta), cotangent = std::cos(beta) / cosine;
+  const Complex phase = std::abs(beta) < 0.1 ? beta / 70.0
+                                             : (1.0 + 5.0 / 3 * cotangent * cotangent) / (8.0 * cosine) -
+                                                   5.0 / (72.0 * (cosine - beta * std::cos(beta)));
+  return phase / (x * root);
+}
+Wave corrected(Complex w, Complex slope, Complex b, Complex tau) {
+  return {w + b * slope, slope + b * tau * w};
+}
+
 } // namespace
 
 Polarised EdgeWave::S_over(Complex ratio, Complex in, Complex out, Complex cos_squared) const {
@@ -91,9 +108,11 @@ EdgeWave::EdgeWave(double x, Complex m) : x_(x), gamma_(std::cbrt(0.5 * x)), m_(
         w2_slope = a.Ai_slope + i * a.Bi_slope;
       }
       const auto [scale, slope] = outside(tau, root, beta, x);
-      const Complex out = -scale * w1_slope / w1 - 0.5 * slope, in = -scale * w2_slope / w2 - 0.5 * slope;
-      const Complex cosine = std::sin(beta);
-      Polarised S = S_over(w2 / w1, in, out, cosine * cosine);
+      const Complex b = next_term(beta, root, x), cosine = std::sin(beta);
+      const Wave first = corrected(w1, w1_slope, b, tau), second = corrected(w2, w2_slope, b, tau);
+      const Complex out = -scale * first.slope / first.value - 0.5 * slope;
+      const Complex in = -scale * second.slope / second.value - 0.5 * slope;
+      Polarised S = S_over(second.value / first.value, in, out, cosine * cosine);
       Complex change = weight * root / beta;
       // The path comes in from infinity on the lit side.
       if (lit) change *= -third;
@@ -144,20 +163,20 @@ EdgeWave::At EdgeWave::at(double theta) const {
 Polarised EdgeWave::coefficients(double theta) const {
   const double cosine = std::sin(0.5 * theta), sine = std::cos(0.5 * theta);
   const double ray = x_ * (cosine - sine * 0.5 * theta), tau = -std::pow(1.5 * std::max(ray, 1e-12), 2.0 / 3);
-  Complex out;
-  double beyond = 0;
+  Complex out, ratio; // of the waves, without the ray's phase
   if (tau < -airy_end) {
     const double tangent2 = sine * sine / (cosine * cosine);
     out = {-tangent2 / (2 * x_), cosine * (1 - 5 / (32 * tau * tau * tau))};
-    beyond = -(1 + 5.0 / 3 * tangent2) / (8 * x_ * cosine);
+    ratio = i * std::polar(1.0, (1 + 5.0 / 3 * tangent2) / (4 * x_ * cosine));
   } else {
     const Airy a = airy(tau);
-    const Complex w{a.Ai, -a.Bi}, w_slope{a.Ai_slope, -a.Bi_slope}, root = std::sqrt(-tau);
-    const auto [scale, slope] = outside(tau, root, rim_angle(root, x_), x_);
-    out = -scale * w_slope / w - 0.5 * slope;
-    beyond = airy_edge(tau).phase - ray;
+    const Complex root = std::sqrt(-tau), beta = rim_angle(root, x_);
+    const auto [scale, slope] = outside(tau, root, beta, x_);
+    const Wave w = corrected({a.Ai, -a.Bi}, {a.Ai_slope, -a.Bi_slope}, next_term(beta, root, x_), tau);
+    out = -scale * w.slope / w.value - 0.5 * slope;
+    ratio = std::conj(w.value) / w.value * std::polar(1.0, 2 * std::max(ray, 1e-12));
   }
-  Polarised r = S_over(i * std::polar(1.0, -2 * beyond), std::conj(out), out, cosine * cosine);
+  Polarised r = S_over(ratio, std::conj(out), out, cosine * cosine);
   for (Complex& value : r) value = -value;
   return r;
 }

@@ -13,7 +13,7 @@ using Complex = std::complex<double>;
 using Vector = std::array<double, 3>;
 constexpr Complex i{0, 1};
 
-constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 3000;
+constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 1200;
 /// Of (x/2)^(1/3) theta between entries.
 constexpr double edge_step = 0.03;
 /// Up to here, in k a theta, the whole contour counts; beyond twice it two points of it.
