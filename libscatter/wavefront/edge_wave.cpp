@@ -139,6 +139,7 @@ EdgeWave::At EdgeWave::at(double theta) const {
       const Complex term = node.S[q] * phasor;
       made.tail[q] += term;
       made.moment[q] -= term * (1.0 - i * theta * node.step);
+      made.second_moment[q] -= term * node.step * (2.0 - i * theta * node.step);
       made.line_weight[q] += term * line;
     }
   }

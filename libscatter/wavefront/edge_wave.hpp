@@ -28,11 +28,12 @@ public:
 
   /// Everything at one angle.
   struct At {
-    Polarised weight;      ///< see above
-    Polarised moment;      ///< < (lambda - x) exp(-i (lambda - x) theta) >
-    Polarised tail;        ///< integral of (S - [lambda > x]) exp(-i (lambda - x) theta) d lambda
-    Polarised line_weight; ///< < sqrt(lambda / x) exp(-i (lambda - x) theta) >
-    Polarised reflected;   ///< the reflected ray's part of line_weight, by stationary phase; 0 for theta <= 0
+    Polarised weight;        ///< see above
+    Polarised moment;        ///< < (lambda - x) exp(-i (lambda - x) theta) >
+    Polarised second_moment; ///< the same of (lambda - x)^2
+    Polarised tail;          ///< integral of (S - [lambda > x]) exp(-i (lambda - x) theta) d lambda
+    Polarised line_weight;   ///< < sqrt(lambda / x) exp(-i (lambda - x) theta) >
+    Polarised reflected; ///< the reflected ray's part of line_weight, by stationary phase; 0 for theta <= 0
   };
   /// |theta| <= furthest().
   [[nodiscard]] At at(double theta) const;

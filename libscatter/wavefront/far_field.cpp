@@ -470,7 +470,9 @@ struct Tracer::Implementation : RayProgram {
     if (blended)
       for (std::size_t w = 0; w < batch.size(); ++w)
         share_out(run, batch[w], block, order_wanted, run.passes[w]);
-    trace_patches(run, batch, block, order_wanted);
+    std::vector<int> by_patches = order_wanted;
+    if (blended && tracing.shape.is_convex()) by_patches[0] = 0; // all of it is the shadow's
+    trace_patches(run, batch, block, by_patches);
     if (!blended) return;
     const DirectionBuffers directions{block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi};
     for (std::size_t w = 0; w < batch.size() && order_wanted[0] != 0; ++w)

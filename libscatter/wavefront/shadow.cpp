@@ -16,8 +16,8 @@ constexpr Complex i{0, 1};
 constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 1200;
 /// Of (x/2)^(1/3) theta between entries.
 constexpr double edge_step = 0.03;
-/// Up to here, in k a theta, the whole contour counts; beyond twice it two points of it.
-constexpr double contour_end = 40, contour_end_over_ka = 0.25;
+/// Beyond twice this angle [rad] two points stand for the outline, however small the drop.
+constexpr double contour_end_at_most = 0.25;
 
 double smooth_step(double a, double begin, double end) {
   const double s = std::clamp((a - begin) / (end - begin), 0.0, 1.0), s2 = s * s;
@@ -75,8 +75,9 @@ Bend bend(const drop::Shape& shape, double t) {
 
 } // namespace
 
-Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light)
-    : ka_(2 * pi * shape.radius_m / light.wavelength_m), convex_(shape.is_convex()) {
+Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light, double contour_end)
+    : ka_(2 * pi * shape.radius_m / light.wavelength_m),
+      contour_end_(std::min(contour_end / ka_, contour_end_at_most)), convex_(shape.is_convex()) {
   const double h = sun_elevation_deg * radians_per_degree;
   axis_ = {std::cos(h), 0, std::sin(h)};
   describe_surface(shape);
@@ -100,7 +101,7 @@ Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& 
     const int steps = static_cast<int>(std::floor(wave.furthest() * wave.gamma() / edge_step + 1e-9));
     for (int n = -steps; n <= steps; ++n) {
       const auto at = wave.at(n * edge_step / wave.gamma());
-      edges_[s].push_back({at.weight, at.moment, at.tail, at.line_weight, at.reflected});
+      edges_[s].push_back({at.weight, at.moment, at.second_moment, at.tail, at.line_weight, at.reflected});
     }
     std::vector<Polarised> by_angle;
     for (int n = 0; n <= reflection_steps; ++n) {
@@ -157,9 +158,6 @@ void Shadow::describe_rim(const drop::Shape& shape, double sun_elevation_deg) {
     p.size = ka_ / std::max(share * b.across + (1 - share) * b.meridian, 0.05);
     rim_.push_back(p);
   }
-  for (int n = 0; n < rim_points; ++n)
-    rim_[n].size_slope = (rim_[(n + 1) % rim_points].size - rim_[(n + rim_points - 1) % rim_points].size) /
-                         (2 * rim_[n].length);
 }
 
 Shadow::Blend Shadow::between_sizes(double x) const {
@@ -186,13 +184,14 @@ Shadow::EdgeEntry Shadow::edge(double x, double theta) const {
     const int count = static_cast<int>(table.size());
     const Cubic c = cubic(place + (count - 1) / 2, count);
     // moment and tail scale with (x/2)^(1/3).
-    const double scale = sizes.weight[k] * std::cbrt(x / sizes_[sizes.at[k]]);
+    const double scale_once = std::cbrt(x / sizes_[sizes.at[k]]), scale = sizes.weight[k] * scale_once;
     for (int n = 0; n < 4; ++n) {
       const EdgeEntry& e = table[c.first + n];
       sum.weight += sizes.weight[k] * c.weight[n] * e.weight;
       sum.line += sizes.weight[k] * c.weight[n] * e.line;
       sum.reflected += sizes.weight[k] * c.weight[n] * e.reflected;
       sum.moment += scale * c.weight[n] * e.moment;
+      sum.second_moment += scale * scale_once * c.weight[n] * e.second_moment;
       sum.tail += scale * c.weight[n] * e.tail;
     }
   }
@@ -232,8 +231,7 @@ Shadow::Azimuth Shadow::azimuth(double phi_deg) const {
 
 double Shadow::share(double theta_deg) const {
   if (convex_) return 1;
-  const double end = std::min(contour_end, contour_end_over_ka * ka_) / ka_;
-  return smooth_step(theta_deg * radians_per_degree, end, 2 * end);
+  return smooth_step(theta_deg * radians_per_degree, contour_end_, 2 * contour_end_);
 }
 
 Polarised Shadow::reflected(double theta, const Azimuth& azimuth) const {
@@ -273,30 +271,33 @@ Polarised Shadow::reflected(double theta, const Azimuth& azimuth) const {
 }
 
 Amplitude Shadow::contour(double theta, const Azimuth& azimuth) const {
-  // k^2 / (2 pi) times the transform of the shadow, its edge displaced along the normal by (lambda - x) / k
-  // and averaged; lengths here are in 1 / k.
+  // k^2 / (2 pi) times the transform of the shadow, its edge displaced along the normal n by nu = (lambda -
+  // x) / k and averaged. Green's theorem makes it the contour integral of i q . N / q^2 exp(-i q . (rho + nu
+  // n)), N the displaced edge's normal times its length; parts integrated once leave (t the tangent, kappa
+  // the outline's curvature) i q . n / q^2 + (q . t)^2 / q^2 (nu + kappa nu^2), where nothing cancels at q =
+  // 0 but the integral of n, which is taken off. Lengths here are in 1 / k.
   Complex sum = 0, parallel = 0, cross = 0;
   for (const RimPoint& p : rim_) {
     const double along = p.normal_x * azimuth.cos_phi + p.normal_y * azimuth.sin_phi;
-    const double aside =
-        p.normal_y * azimuth.cos_phi - p.normal_x * azimuth.sin_phi; // sine of the normal's azimuth
-    const double place = p.x * azimuth.cos_phi + p.y * azimuth.sin_phi;
+    const double aside = p.normal_y * azimuth.cos_phi - p.normal_x * azimuth.sin_phi;
+    const double place = p.x * azimuth.cos_phi + p.y * azimuth.sin_phi, half = std::sin(0.5 * theta);
     const double phase = -ka_ * std::sin(theta) * place - p.size * (theta - std::sin(theta)) * along +
-                         ka_ * p.z * (1 - std::cos(theta));
-    const Complex piece = std::polar(ka_ * p.length, phase);
+                         ka_ * p.z * 2 * half * half;
+    const double length = ka_ * p.length;
+    const Complex phasor = std::polar(1.0, phase);
     const EdgeEntry e = edge(p.size, theta * along);
-    const Complex weight = 0.5 * (e.weight[0] + e.weight[1]), moment = 0.5 * (e.moment[0] + e.moment[1]);
-    // i q . N / q^2, N the displaced outline's normal; 1 / theta is taken out below.
-    const double gamma_turn = p.size_slope / (3 * p.size); // of the displacement along the outline
-    sum += piece * i *
-           (along * (weight + moment / (ka_ * p.outline_radius)) + aside * gamma_turn * moment / ka_);
+    const auto mean = [](const Polarised& both) { return 0.5 * (both[0] + both[1]); };
+    const Complex turned = 2.0 * i * std::sin(0.5 * phase) * std::polar(1.0, 0.5 * phase); // phasor - 1
+    sum += length *
+           (i / theta * along * turned * mean(e.weight) - along * along * mean(e.tail) +
+            aside * aside * phasor * (mean(e.moment) + mean(e.second_moment) / (ka_ * p.outline_radius)));
     // What both polarisations differ by stays next to the rim.
-    const Complex difference = 0.5 * (e.tail[0] - e.tail[1]);
-    parallel += piece * difference * (along * along - aside * aside);
-    cross += piece * difference * (2 * along * aside);
+    const Complex difference = length * phasor * 0.5 * (e.tail[0] - e.tail[1]);
+    parallel += difference * (along * along - aside * aside);
+    cross += difference * (2 * along * aside);
   }
   const double scale = 1 / (2 * pi) * std::sqrt(theta / std::sin(theta));
-  sum *= scale / theta;
+  sum *= scale;
   parallel *= scale;
   cross *= scale;
   return {sum - parallel, sum + parallel, -cross, -cross};
@@ -334,8 +335,7 @@ Amplitude Shadow::two_points(double theta, const Azimuth& azimuth) const {
 
 Amplitude Shadow::at(double theta_deg, const Azimuth& azimuth) const {
   const double theta = std::max(theta_deg * radians_per_degree, 1e-9 / ka_);
-  const double end = std::min(contour_end, contour_end_over_ka * ka_) / ka_;
-  const double near = smooth_step(theta, end, 2 * end);
+  const double near = smooth_step(theta, contour_end_, 2 * contour_end_);
   Amplitude sum{};
   if (near > 0) {
     const Amplitude a = contour(theta, azimuth);

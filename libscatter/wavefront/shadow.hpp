@@ -22,7 +22,9 @@ namespace scatter::wavefront {
 /// k a >= 50 and |m - 1| > 0.05. Coefficients of a surface that absorbs take the complex index.
 class Shadow {
 public:
-  Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light);
+  /// contour_end: up to here, in k a theta, the whole outline is summed, beyond twice that two points stand
+  /// for it; 10 .. 80.
+  Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light, double contour_end = 40);
 
   /// What does not change along one half-plane of azimuth phi.
   struct Azimuth {
@@ -57,11 +59,11 @@ private:
     double reach = 1;                  ///< along the normal
     double z_slope = 0;                ///< along the outline
     double outline_radius = 1;         ///< of curvature
-    double size = 1, size_slope = 0;   ///< parameter of the curvature across the rim; along the outline
+    double size = 1;                   ///< parameter of the curvature across the rim
   };
   /// What an edge wave comes to, at even steps of (x/2)^(1/3) theta.
   struct EdgeEntry {
-    Polarised weight, moment, tail, line, reflected;
+    Polarised weight, moment, second_moment, tail, line, reflected;
   };
   struct Blend {
     std::array<int, 4> at{};
@@ -75,7 +77,7 @@ private:
   void describe_surface(const drop::Shape& shape);
   void describe_rim(const drop::Shape& shape, double sun_elevation_deg);
 
-  double ka_ = 0;
+  double ka_ = 0, contour_end_ = 0; ///< the latter in theta
   bool convex_ = true;
   std::array<double, 3> axis_{};
   std::vector<RimPoint> rim_;

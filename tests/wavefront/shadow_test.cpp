@@ -1,0 +1,241 @@
+#include "support.hpp"
+#include <scatter/exact/debye.hpp>
+#include <scatter/wavefront/shadow.hpp>
+
+#include <cstdio>
+
+/// Order 0 with forward diffraction, against the Debye series, against itself in other coordinates, and
+/// against what is known of extinction.
+namespace {
+
+using namespace support;
+
+/// Root mean square error over the rms of the truth itself.
+struct Error {
+  double S1 = 0, S2 = 0;
+};
+template <typename At>
+Error relative_error(
+    const exact::DebyeOrder& truth, const std::vector<double>& theta, double first, double last, At&& at) {
+  double wrong[2] = {0, 0}, all[2] = {0, 0};
+  for (std::size_t i = 0; i < theta.size(); ++i) {
+    if (theta[i] < first || theta[i] >= last) continue;
+    const Amplitude a = at(i);
+    wrong[0] += std::norm(a.S1 - truth.S1[i]);
+    all[0] += std::norm(truth.S1[i]);
+    wrong[1] += std::norm(a.S2 - truth.S2[i]);
+    all[1] += std::norm(truth.S2[i]);
+  }
+  return {std::sqrt(wrong[0] / all[0]), std::sqrt(wrong[1] / all[1])};
+}
+
+exact::DebyeOrder
+order_0(double radius_m, const std::vector<double>& theta, std::complex<double> m = red.index) {
+  const int orders[] = {0};
+  return exact::debye_at_degrees(2 * pi * radius_m / red.wavelength_m, m, orders, theta).orders.at(0);
+}
+
+struct Sphere {
+  double radius_m, bound_S1, bound_S2;
+};
+void PrintTo(const Sphere& sphere, std::ostream* to) {
+  *to << sphere.radius_m * 1e3 << " mm";
+}
+class ShadowOfSphere : public testing::TestWithParam<Sphere> {};
+
+TEST_P(ShadowOfSphere, IsDebyesTerm) {
+  const auto [radius_m, bound_S1, bound_S2] = GetParam();
+  const auto theta = range(0, 180, 0.05);
+  const auto truth = order_0(radius_m, theta);
+  const Shadow shadow(drop::sphere(radius_m), 0, red);
+  // Local errors: in windows of 1 deg, each over what shines there.
+  Worst S1, S2;
+  for (double first = 0; first < 180; ++first) {
+    const Error e =
+        relative_error(truth, theta, first, first + 1, [&](std::size_t i) { return shadow.at(theta[i], 0); });
+    const auto where = [&] { return std::to_string(first) + " deg"; };
+    S1.see(e.S1, where);
+    S2.see(e.S2, where);
+  }
+  std::printf(
+      "%g mm: S1 within %.3f %% (%s), S2 within %.3f %% (%s)\n", radius_m * 1e3, 100 * S1.value,
+      S1.where.c_str(), 100 * S2.value, S2.where.c_str());
+  expect_below(S1, bound_S1, "S1");
+  // Brewster's angle, where S2 all but vanishes, lies in one of the windows.
+  expect_below(S2, bound_S2, "S2");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Radii, ShadowOfSphere,
+    testing::Values(
+        Sphere{0.05e-3, 0.001, 0.012}, Sphere{0.1e-3, 0.0004, 0.003}, Sphere{0.4e-3, 0.00012, 0.0003},
+        Sphere{1e-3, 0.00012, 0.00015}));
+
+TEST(Shadow, HoldsForOtherIndices) {
+  const auto theta = range(0, 180, 0.1);
+  for (const std::complex<double> m : {std::complex(1.5), std::complex(1.2), std::complex(1.33, 0.05)}) {
+    const auto truth = order_0(0.2e-3, theta, m);
+    const Shadow shadow(drop::sphere(0.2e-3), 0, with_index(m));
+    for (const auto& [first, last] : {std::pair{0, 30}, std::pair{30, 180}}) {
+      const Error e =
+          relative_error(truth, theta, first, last, [&](std::size_t i) { return shadow.at(theta[i], 0); });
+      std::printf(
+          "m = %g%+gi, %d..%d deg: %.4f %% %.4f %%\n", m.real(), m.imag(), first, last, 100 * e.S1,
+          100 * e.S2);
+      EXPECT_LT(e.S1, 0.001) << m;
+      EXPECT_LT(e.S2, 0.002) << m;
+    }
+  }
+}
+
+TEST(Shadow, ComesOutOfTheTracer) {
+  // The same through the tables, of a sphere traced as a general drop, order by order and in the sum.
+  Tracing tracing;
+  tracing.shape = drop::cosine_series(0.1e-3, std::vector<double>(8, 0.0));
+  tracing.orders = {0};
+  tracing.rays = 100;
+  Wanted wanted;
+  wanted.theta_deg = range(0, 180, 0.5);
+  wanted.phi_deg = {0, 50, 180, 300};
+  wanted.amplitudes = wanted.per_order = wanted.integral = true;
+  const auto truth = order_0(0.1e-3, wanted.theta_deg);
+  for (const double sun : {0.0, 40.0, 90.0}) {
+    tracing.sun_elevation_deg = sun;
+    const FarField field = far_field(tracing, red, wanted);
+    for (std::size_t f = 0; f < 4; ++f)
+      for (const auto* amplitude : {&field.amplitude, &field.order_amplitude}) {
+        const Error e = relative_error(
+            truth, wanted.theta_deg, 0, 181, [&](std::size_t i) { return (*amplitude)[i * 4 + f]; });
+        EXPECT_LT(e.S1, 1e-4) << sun << " " << f;
+        EXPECT_LT(e.S2, 1e-4) << sun << " " << f;
+      }
+    // Intensity over k^2 times the scattering cross section.
+    const double k = 2 * pi / red.wavelength_m;
+    EXPECT_NEAR(
+        field.phase_function[0] * k * k * field.scattering_cross_section, std::norm(truth.S1[0]),
+        1e-4 * std::norm(truth.S1[0]));
+  }
+}
+
+/// A sphere whose polar curve starts off its centre, by `lift` radii towards theta = 0.
+drop::Shape lifted_sphere(double radius_m, double lift) {
+  constexpr int terms = 24, samples = 64;
+  std::vector<double> c(terms, 0.0);
+  for (int s = 0; s < samples; ++s) {
+    const double t = pi * (s + 0.5) / samples;
+    const double r = lift * std::cos(t) + std::sqrt(1 - lift * lift * std::sin(t) * std::sin(t));
+    for (int n = 0; n < terms; ++n) c[n] += (n == 0 ? 1.0 : 2.0) / samples * r * std::cos(n * t);
+  }
+  c[0] -= 1;
+  return drop::cosine_series(radius_m, c);
+}
+
+TEST(Shadow, OfAShiftedSphereIsShiftedInPhase) {
+  // The outline is then neither about the light nor in a plane, and azimuths are not those of its normals.
+  const double radius_m = 0.3e-3, lift = 0.15, sun = 30, ka = 2 * pi * radius_m / red.wavelength_m;
+  const Shadow sphere(drop::sphere(radius_m), 0, red), shifted(lifted_sphere(radius_m, lift), sun, red);
+  const double to[] = {lift * std::cos(sun * degree), 0, lift * std::sin(sun * degree)};
+  Worst near, far;
+  for (const double phi : {0.0, 37.0, 90.0, 143.0, 180.0, 290.0})
+    for (const double theta : range(0, 178, 0.37)) {
+      const double s = std::sin(theta * degree), c = std::cos(theta * degree);
+      const double path = to[2] - (s * std::cos(phi * degree) * to[0] + c * to[2]);
+      const std::complex<double> phase = std::polar(1.0, ka * path);
+      Amplitude a = sphere.at(theta, 0);
+      a.S1 *= phase;
+      a.S2 *= phase;
+      const double scale = std::max(std::abs(a.S1), std::abs(a.S2));
+      (theta < 20 ? near : far).see(difference(a, shifted.at(theta, phi)) / scale, [&] {
+        return std::to_string(theta) + " deg, phi " + std::to_string(phi);
+      });
+    }
+  std::printf("shifted sphere: %.1e to 20 deg, %.1e beyond\n", near.value, far.value);
+  expect_below(near, 1e-5, "edge");
+  expect_below(far, 1e-5, "reflection");
+}
+
+TEST(Shadow, ExtinguishesByItsAreaAndItsEdge) {
+  // Re S(0) of order 0 is k^2 / (2 pi) times the shadow, wider by 0.628 (k rho / 2)^(1/3) / k, rho the radius
+  // of curvature along the light: Nussenzveig & Wiscombe (1980, Phys. Rev. Lett. 45, 1490) have 1.9924
+  // x^(-2/3) for a sphere's efficiency. What comes next is of order 1/x.
+  for (const double radius_m : {0.5e-3, 1.0e-3}) {
+    Tracing tracing;
+    tracing.shape = drop::beard_chuang(radius_m);
+    tracing.sun_elevation_deg = 20;
+    tracing.rays = 64;
+    const double area = Tracer(tracing, device()).shadow_area(), ka = 2 * pi * radius_m / red.wavelength_m;
+    const Amplitude forward = Shadow(tracing.shape, 20, red).at(0, 0);
+    const double bare = ka * ka * area / (2 * pi);
+    // A circle of that area stands for the outline.
+    const double edge = 0.9962 * std::pow(ka, -2.0 / 3);
+    const double S = 0.5 * (forward.S1 + forward.S2).real();
+    std::printf(
+        "%g mm: Re S(0) / (k^2 area / 2 pi) - 1 = %.5f, an edge has %.5f\n", radius_m * 1e3, S / bare - 1,
+        edge);
+    EXPECT_NEAR(S / bare - 1, edge, 0.1 * edge);
+    EXPECT_LT(std::abs(forward.S3), 1e-3 * S);
+  }
+}
+
+TEST(Shadow, DoesNotDependOnWhereTwoPointsTakeOver) {
+  const drop::Shape shape = drop::beard_chuang(1e-3);
+  const Shadow early(shape, 20, red, 40), late(shape, 20, red, 80);
+  const double ka = 2 * pi * 1e-3 / red.wavelength_m;
+  Worst worst;
+  for (const double phi : {0.0, 45.0, 90.0, 150.0, 180.0})
+    for (const double X : range(40, 160, 0.7)) {
+      const double theta = X / ka / degree;
+      const Amplitude a = early.at(theta, phi), b = late.at(theta, phi);
+      // Over the envelope of the rings.
+      const double scale = ka * ka * std::sqrt(2 / pi) * std::pow(X, -1.5);
+      worst.see(
+          difference(a, b) / scale, [&] { return std::to_string(X) + " at phi " + std::to_string(phi); });
+    }
+  std::printf("contour against two points: %.3f %% at %s\n", 100 * worst.value, worst.where.c_str());
+  expect_below(worst, 0.003, "contour against two points");
+}
+
+TEST(Shadow, ReflectsLikePatches) {
+  // Patches with many rays, away from grazing: geometric optics of the same surface by another route.
+  Tracing tracing;
+  tracing.shape = drop::beard_chuang(1e-3);
+  tracing.sun_elevation_deg = 20;
+  tracing.orders = {0};
+  tracing.rays = 3000;
+  Wanted wanted;
+  wanted.theta_deg = range(60, 175, 5);
+  wanted.phi_deg = {0, 40, 90, 130, 180};
+  wanted.amplitudes = true;
+  const FarField field = far_field(tracing, red, wanted);
+  const Shadow shadow(tracing.shape, 20, red);
+  Worst worst;
+  for (std::size_t t = 0; t < wanted.theta_deg.size(); ++t)
+    for (std::size_t f = 0; f < 5; ++f) {
+      const Amplitude a = shadow.at(wanted.theta_deg[t], wanted.phi_deg[f]), b = field.amplitude[t * 5 + f];
+      worst.see(difference(a, b) / std::max(std::abs(a.S1), std::abs(a.S2)), [&] {
+        return std::to_string(wanted.theta_deg[t]) + " deg, phi " + std::to_string(wanted.phi_deg[f]);
+      });
+    }
+  std::printf("patches: %.3f %% at %s\n", 100 * worst.value, worst.where.c_str());
+  expect_below(worst, 0.01, "patches");
+}
+
+TEST(Shadow, DoesNotDependOnThreads) {
+  Tracing tracing;
+  tracing.shape = drop::beard_chuang(0.5e-3);
+  tracing.sun_elevation_deg = 20;
+  tracing.orders = {0};
+  tracing.rays = 100;
+  Wanted wanted;
+  wanted.theta_deg = range(0, 20, 0.1);
+  wanted.phi_deg = range(0, 350, 10);
+  wanted.integral = true;
+  const compute::Device one(1), two(2);
+  const auto run = [&](const compute::Device& on) {
+    Tracer made(tracing, on);
+    return far_field(made, red, wanted);
+  };
+  EXPECT_EQ(run(one).phase_function, run(two).phase_function);
+}
+
+} // namespace
