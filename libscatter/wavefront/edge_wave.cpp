@@ -21,7 +21,7 @@ constexpr double next_order_stop = 2.9;
 /// How far the path goes, in tau: on it S falls like exp(-4/3 r^(3/2)), against exp(0.87 r T).
 constexpr double longest = 25;
 /// Between nodes of the double exponential rule r = exp(t - exp(-t)).
-constexpr double rule_step = 1.0 / 64;
+constexpr double rule_step = 1.0 / 32;
 
 /// beta with sin(beta) - beta cos(beta) = value, value (3/2) = (-tau)^(3/2) / x given as root = sqrt(-tau).
 Complex rim_angle(Complex root, double x) {

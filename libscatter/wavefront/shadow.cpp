@@ -15,7 +15,7 @@ constexpr Complex i{0, 1};
 
 constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 1200;
 /// Of (x/2)^(1/3) theta between entries.
-constexpr double edge_step = 0.03;
+constexpr double edge_step = 0.04;
 /// Beyond twice this angle [rad] two points stand for the outline, however small the drop.
 constexpr double contour_end_at_most = 0.25;
 
@@ -110,6 +110,21 @@ Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& 
     }
     reflection_.push_back(std::move(by_angle));
   }
+  for (int n = 0; n < (count == 1 ? 1 : rim_points); ++n) rim_tables_.push_back(rim_table(rim_[n]));
+}
+
+Shadow::RimTable Shadow::rim_table(const RimPoint& p) const {
+  RimTable table;
+  table.steps_per_angle = std::cbrt(0.5 * p.size) / edge_step;
+  table.middle = static_cast<int>(2 * contour_end_ * table.steps_per_angle) + 3;
+  for (int n = -table.middle; n <= table.middle; ++n) {
+    const EdgeEntry e = edge(p.size, n / table.steps_per_angle);
+    const auto mean = [](const Polarised& both) { return 0.5 * (both[0] + both[1]); };
+    table.entries.push_back(
+        {mean(e.weight), mean(e.tail), mean(e.moment) + mean(e.second_moment) / (ka_ * p.outline_radius),
+         0.5 * (e.tail[0] - e.tail[1])});
+  }
+  return table;
 }
 
 void Shadow::describe_surface(const drop::Shape& shape) {
@@ -277,22 +292,33 @@ Amplitude Shadow::contour(double theta, const Azimuth& azimuth) const {
   // the outline's curvature) i q . n / q^2 + (q . t)^2 / q^2 (nu + kappa nu^2), where nothing cancels at q =
   // 0 but the integral of n, which is taken off. Lengths here are in 1 / k.
   Complex sum = 0, parallel = 0, cross = 0;
-  for (const RimPoint& p : rim_) {
+  // The trapezoidal rule converges at once beyond two points per turn of the phase.
+  int stride = 1;
+  while (rim_points / (2 * stride) > 2.5 * ka_ * theta + 60) stride *= 2;
+  for (int n = 0; n < rim_points; n += stride) {
+    const RimPoint& p = rim_[n];
     const double along = p.normal_x * azimuth.cos_phi + p.normal_y * azimuth.sin_phi;
     const double aside = p.normal_y * azimuth.cos_phi - p.normal_x * azimuth.sin_phi;
     const double place = p.x * azimuth.cos_phi + p.y * azimuth.sin_phi, half = std::sin(0.5 * theta);
     const double phase = -ka_ * std::sin(theta) * place - p.size * (theta - std::sin(theta)) * along +
                          ka_ * p.z * 2 * half * half;
-    const double length = ka_ * p.length;
+    const double length = ka_ * p.length * stride;
     const Complex phasor = std::polar(1.0, phase);
-    const EdgeEntry e = edge(p.size, theta * along);
-    const auto mean = [](const Polarised& both) { return 0.5 * (both[0] + both[1]); };
+    const auto& table = rim_tables_[rim_tables_.size() == 1 ? 0 : n];
+    const Cubic c = cubic(table.steps_per_angle * theta * along + table.middle, 2 * table.middle + 1);
+    RimEntry e{};
+    for (int k = 0; k < 4; ++k) {
+      const RimEntry& from = table.entries[c.first + k];
+      e.weight += c.weight[k] * from.weight;
+      e.tail += c.weight[k] * from.tail;
+      e.moments += c.weight[k] * from.moments;
+      e.difference += c.weight[k] * from.difference;
+    }
     const Complex turned = 2.0 * i * std::sin(0.5 * phase) * std::polar(1.0, 0.5 * phase); // phasor - 1
-    sum += length *
-           (i / theta * along * turned * mean(e.weight) - along * along * mean(e.tail) +
-            aside * aside * phasor * (mean(e.moment) + mean(e.second_moment) / (ka_ * p.outline_radius)));
+    sum += length * (i / theta * along * turned * e.weight - along * along * e.tail +
+                     aside * aside * phasor * e.moments);
     // What both polarisations differ by stays next to the rim.
-    const Complex difference = length * phasor * 0.5 * (e.tail[0] - e.tail[1]);
+    const Complex difference = length * phasor * e.difference;
     parallel += difference * (along * along - aside * aside);
     cross += difference * (2 * along * aside);
   }

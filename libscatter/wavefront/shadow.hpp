@@ -24,7 +24,7 @@ class Shadow {
 public:
   /// contour_end: up to here, in k a theta, the whole outline is summed, beyond twice that two points stand
   /// for it; 10 .. 80.
-  Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light, double contour_end = 40);
+  Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light, double contour_end = 25);
 
   /// What does not change along one half-plane of azimuth phi.
   struct Azimuth {
@@ -65,12 +65,23 @@ private:
   struct EdgeEntry {
     Polarised weight, moment, second_moment, tail, line, reflected;
   };
+  /// The same for one point of the rim, as contour() sums it: mean of both polarisations, and half of what
+  /// they differ by.
+  struct RimEntry {
+    std::complex<double> weight, tail, moments, difference;
+  };
+  struct RimTable {
+    std::vector<RimEntry> entries;
+    double steps_per_angle = 1;
+    int middle = 0;
+  };
   struct Blend {
     std::array<int, 4> at{};
     std::array<double, 4> weight{};
   };
   [[nodiscard]] Blend between_sizes(double x) const;
   [[nodiscard]] EdgeEntry edge(double x, double theta) const;
+  [[nodiscard]] RimTable rim_table(const RimPoint& p) const;
   [[nodiscard]] Amplitude contour(double theta, const Azimuth& azimuth) const;
   [[nodiscard]] Amplitude two_points(double theta, const Azimuth& azimuth) const;
   [[nodiscard]] Polarised reflected(double theta, const Azimuth& azimuth) const;
@@ -91,6 +102,7 @@ private:
 
   std::vector<double> sizes_;                      ///< even in the logarithm
   std::vector<std::vector<EdgeEntry>> edges_;      ///< per size
+  std::vector<RimTable> rim_tables_;               ///< per point of the rim, or one for all
   std::vector<std::vector<Polarised>> reflection_; ///< per size, even steps of sqrt(theta)
 };
 
