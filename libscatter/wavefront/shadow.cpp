@@ -14,6 +14,7 @@ using Vector = std::array<double, 3>;
 constexpr Complex i{0, 1};
 
 constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 1200;
+constexpr int azimuth_steps = 128;
 /// Of (x/2)^(1/3) theta between entries.
 constexpr double edge_step = 0.04;
 /// Beyond twice this angle [rad] two points stand for the outline, however small the drop.
@@ -58,13 +59,13 @@ double derivative(const std::vector<double>& series, double psi, int times) {
 }
 
 /// Principal curvatures at the polar angle t of the curve, and where the normal points.
-struct Bend {
+struct Curve {
   double meridian = 1, across = 1, normal = 0, support = 1;
 };
-Bend bend(const drop::Shape& shape, double t) {
+Curve curve(const drop::Shape& shape, double t) {
   const double r = shape.radius(t), first = shape.slope(t), second = shape.second_derivative(t);
   const double length2 = r * r + first * first, length = std::sqrt(length2);
-  Bend b;
+  Curve b;
   b.normal = t - std::atan2(first, r);
   b.support = r * r / length;
   b.meridian = (length2 + first * first - r * second) / (length2 * length);
@@ -87,17 +88,17 @@ Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& 
     least = std::min(least, p.size);
     most = std::max(most, p.size);
   }
-  if (convex_)
-    for (const SurfacePoint& p : surface_) {
-      least = std::min(least, ka_ / std::max(p.meridian, p.across));
-      most = std::max(most, ka_ / std::min(p.meridian, p.across));
-    }
+  for (const SurfacePoint& p : surface_) {
+    least = std::min(least, ka_ / std::max(p.meridian, p.across));
+    most = std::max(most, ka_ / std::min(p.meridian, p.across));
+  }
   const int count = most > least * (1 + 1e-9) ? sizes_at_most : 1;
   edges_.resize(count);
   for (int s = 0; s < count; ++s) {
     sizes_.push_back(
         count == 1 ? most : least * std::pow(most / least, static_cast<double>(s) / (count - 1)));
     const EdgeWave wave(sizes_[s], light.index);
+    if (s == 0) reach_ = wave.furthest();
     const int steps = static_cast<int>(std::floor(wave.furthest() * wave.gamma() / edge_step + 1e-9));
     for (int n = -steps; n <= steps; ++n) {
       const auto at = wave.at(n * edge_step / wave.gamma());
@@ -128,20 +129,48 @@ Shadow::RimTable Shadow::rim_table(const RimPoint& p) const {
 }
 
 void Shadow::describe_surface(const drop::Shape& shape) {
-  if (!convex_) return;
+  const auto keep = [&](double t) {
+    const Curve b = curve(shape, t);
+    surface_.push_back({b.support, std::max(b.meridian, 0.02), std::max(b.across, 0.02)});
+  };
+  if (!convex_) {
+    // Shadows are those of the convex hull: the point furthest along each normal.
+    constexpr int samples = 4096;
+    std::vector<double> radius;
+    for (int n = 0; n <= samples; ++n) radius.push_back(shape.radius(pi * n / samples));
+    for (int n = 0; n <= surface_steps; ++n) {
+      const double normal = pi * n / surface_steps;
+      int best = 0;
+      double furthest = -1;
+      for (int m = 0; m <= samples; ++m)
+        if (const double reach = radius[m] * std::cos(pi * m / samples - normal); reach > furthest) {
+          furthest = reach;
+          best = m;
+        }
+      double low = pi * std::max(best - 1, 0) / samples, high = pi * std::min(best + 1, samples) / samples;
+      constexpr double golden = 0.6180339887498949;
+      const auto reach = [&](double t) { return shape.radius(t) * std::cos(t - normal); };
+      for (int step = 0; step < 40; ++step) {
+        const double left = high - golden * (high - low), right = low + golden * (high - low);
+        (reach(left) > reach(right) ? high : low) = reach(left) > reach(right) ? right : left;
+      }
+      keep(0.5 * (low + high));
+      surface_.back().support = reach(0.5 * (low + high));
+    }
+    return;
+  }
   double t = 0;
   for (int n = 0; n <= surface_steps; ++n) {
     // The normal's polar angle grows with t: Newton's steps from the last.
     const double normal = pi * n / surface_steps;
     for (int step = 0; step < 8; ++step) {
-      const Bend b = bend(shape, t);
+      const Curve b = curve(shape, t);
       const double turn = b.meridian * std::hypot(shape.radius(t), shape.slope(t));
       const double change = std::clamp((normal - b.normal) / std::max(turn, 1e-3), -0.02, 0.02);
       t = std::clamp(t + change, 0.0, pi);
       if (std::abs(change) < 1e-13) break;
     }
-    const Bend b = bend(shape, t);
-    surface_.push_back({b.support, std::max(b.meridian, 0.02), std::max(b.across, 0.02)});
+    keep(t);
   }
 }
 
@@ -158,14 +187,12 @@ void Shadow::describe_rim(const drop::Shape& shape, double sun_elevation_deg) {
     p.normal_x = (R * c + R1 * s) / speed;
     p.normal_y = (R * s - R1 * c) / speed;
     p.length = speed * 2 * pi / rim_points;
-    p.reach = p.x * p.normal_x + p.y * p.normal_y;
-    p.z_slope = derivative(outline.z, psi, 1) / speed;
     p.outline_radius = speed * speed * speed / std::max(R * R + 2 * R1 * R1 - R * R2, 0.05 * R * R);
     // The surface's curvature along the light: between its principal ones.
     const Vector P{p.x, p.y, p.z}, N{p.normal_x, p.normal_y, 0};
     const double r = std::hypot(p.x, p.y, p.z);
     const double on_axis = (P[0] * axis_[0] + P[2] * axis_[2]) / r;
-    const Bend b = bend(shape, std::acos(std::clamp(on_axis, -1.0, 1.0)));
+    const Curve b = curve(shape, std::acos(std::clamp(on_axis, -1.0, 1.0)));
     // The parallel circle's direction is axis x N.
     const Vector circle{-axis_[2] * N[1], axis_[2] * N[0], axis_[0] * N[1]};
     const double length2 = circle[0] * circle[0] + circle[1] * circle[1] + circle[2] * circle[2];
@@ -213,50 +240,14 @@ Shadow::EdgeEntry Shadow::edge(double x, double theta) const {
   return sum;
 }
 
-Shadow::Azimuth Shadow::azimuth(double phi_deg) const {
-  Azimuth a;
-  a.cos_phi = cos_deg(phi_deg);
-  a.sin_phi = sin_deg(phi_deg);
-  for (int side = 0; side < 2; ++side) {
-    const double sign = side == 0 ? 1 : -1, cx = sign * a.cos_phi, cy = sign * a.sin_phi;
-    // Where the normal passes phi.
-    for (int n = 0; n < rim_points; ++n) {
-      const RimPoint &p = rim_[n], &q = rim_[(n + 1) % rim_points];
-      const double before = p.normal_x * cy - p.normal_y * cx, after = q.normal_x * cy - q.normal_y * cx;
-      if (p.normal_x * cx + p.normal_y * cy < 0 || before < 0 || after >= 0) continue;
-      const double t = before / (before - after);
-      auto& rim = a.rim[side];
-      // The support function, from both ends to second order.
-      const auto support = [&](const RimPoint& from) {
-        const double turn = from.normal_x * cy - from.normal_y * cx;
-        return from.x * cx + from.y * cy + 0.5 * from.outline_radius * turn * turn;
-      };
-      const auto mix = [&](double u, double v) { return u + t * (v - u); };
-      rim.outline_radius = mix(p.outline_radius, q.outline_radius);
-      // P . c is greatest at the point itself; ends lie lower by their distance squared over 2 radii.
-      rim.reach = mix(support(p), support(q));
-      rim.z = mix(p.z, q.z);
-      rim.z_slope = mix(p.z_slope, q.z_slope);
-      rim.x = mix(p.size, q.size);
-      break;
-    }
-  }
-  return a;
-}
-
 double Shadow::share(double theta_deg) const {
   if (convex_) return 1;
   return smooth_step(theta_deg * radians_per_degree, contour_end_, 2 * contour_end_);
 }
 
-Polarised Shadow::reflected(double theta, const Azimuth& azimuth) const {
-  if (!convex_) return {};
-  // The normal halves the angle between -light and the direction.
-  const double along = std::cos(0.5 * theta), back = std::sin(0.5 * theta);
-  const Vector normal{along * azimuth.cos_phi, along * azimuth.sin_phi, -back};
+Shadow::Bend Shadow::surface_at(const Vector& normal, const Vector& level) const {
   const double cosine = std::clamp(normal[0] * axis_[0] + normal[2] * axis_[2], -1.0, 1.0);
-  const double place = std::acos(cosine) / pi * surface_steps;
-  const Cubic c = cubic(place, surface_steps + 1);
+  const Cubic c = cubic(std::acos(cosine) / pi * surface_steps, surface_steps + 1);
   SurfacePoint p{0, 0, 0};
   for (int n = 0; n < 4; ++n) {
     const SurfacePoint& from = surface_[c.first + n];
@@ -264,24 +255,64 @@ Polarised Shadow::reflected(double theta, const Azimuth& azimuth) const {
     p.meridian += c.weight[n] * from.meridian;
     p.across += c.weight[n] * from.across;
   }
-  // The plane of incidence cuts the surface along the direction (light + (light . N) N): its part on the
-  // parallel circle.
-  const Vector level{back * azimuth.cos_phi, back * azimuth.sin_phi, along};
+  // Part of `level` on the parallel circle, whose direction is axis x normal.
   const Vector circle{
-      axis_[1] * normal[2] - axis_[2] * normal[1], axis_[2] * normal[0] - axis_[0] * normal[2],
-      axis_[0] * normal[1] - axis_[1] * normal[0]};
+      -axis_[2] * normal[1], axis_[2] * normal[0] - axis_[0] * normal[2], axis_[0] * normal[1]};
   const double length2 = circle[0] * circle[0] + circle[1] * circle[1] + circle[2] * circle[2];
   const double on_circle = level[0] * circle[0] + level[1] * circle[1] + level[2] * circle[2];
   const double share = length2 < 1e-12 ? 0 : on_circle * on_circle / length2;
-  const double x = ka_ / (share * p.across + (1 - share) * p.meridian);
-  const Blend sizes = between_sizes(x);
+  return {p.support, ka_ / (share * p.across + (1 - share) * p.meridian), p.meridian * p.across};
+}
+
+Shadow::Azimuth Shadow::azimuth(double phi_deg) const {
+  Azimuth a;
+  a.cos_phi = cos_deg(phi_deg);
+  a.sin_phi = sin_deg(phi_deg);
+  for (int side = 0; side < 2; ++side) {
+    // The wave follows the surface from the normal of the rim to that of the rim seen from the direction,
+    // over the angle theta. It leaves half-way, on average, as rays do that are reflected. Its path is the
+    // integral of the support function over the normal's angle: arcs and tangents together.
+    const double sign = side == 0 ? 1 : -1;
+    auto& steps = a.sides[side];
+    double path = 0, scaled = 0, support_before = 0, gamma_before = 0;
+    const double step = reach_ / azimuth_steps;
+    const auto at = [&](double angle) {
+      const double c = sign * std::cos(angle), s = sign * std::sin(angle);
+      return surface_at({c * a.cos_phi, c * a.sin_phi, -s}, {s * a.cos_phi, s * a.sin_phi, c});
+    };
+    for (int n = 0; n < azimuth_steps + 4; ++n) {
+      const Bend here = at(n * step);
+      const double gamma = std::cbrt(0.5 * here.x);
+      if (n > 0) {
+        // Simpson's rule.
+        const Bend between = at((n - 0.5) * step);
+        path += step / 6 * (support_before + 4 * between.support + here.support);
+        scaled += step / 6 * (gamma_before + 4 * std::cbrt(0.5 * between.x) + gamma);
+      }
+      support_before = here.support;
+      gamma_before = gamma;
+      const Bend middle = at(0.5 * n * step);
+      steps.push_back({-sign * ka_ * path, sign * scaled, ka_ * ka_ / (middle.x * middle.gauss)});
+    }
+  }
+  return a;
+}
+
+Polarised Shadow::reflected(double theta, const Azimuth& azimuth) const {
+  if (!convex_) return {};
+  // The normal halves the angle between -light and the direction.
+  const double along = std::cos(0.5 * theta), back = std::sin(0.5 * theta);
+  const Bend p = surface_at(
+      {along * azimuth.cos_phi, along * azimuth.sin_phi, -back},
+      {back * azimuth.cos_phi, back * azimuth.sin_phi, along});
+  const Blend sizes = between_sizes(p.x);
   const Cubic a = cubic(std::sqrt(theta / pi) * reflection_steps, reflection_steps + 1);
   Polarised r{};
   for (int k = 0; k < 4; ++k) {
     if (sizes.weight[k] == 0) continue;
     for (int n = 0; n < 4; ++n) r += sizes.weight[k] * a.weight[n] * reflection_[sizes.at[k]][a.first + n];
   }
-  const Complex ray = std::polar(0.5 * ka_ / std::sqrt(p.meridian * p.across), -2 * ka_ * p.support * back);
+  const Complex ray = std::polar(0.5 * ka_ / std::sqrt(p.gauss), -2 * ka_ * p.support * back);
   return {ray * r[0], ray * r[1]};
 }
 
@@ -331,24 +362,27 @@ Amplitude Shadow::contour(double theta, const Azimuth& azimuth) const {
 
 Amplitude Shadow::two_points(double theta, const Azimuth& azimuth) const {
   Polarised sum = reflected(theta, azimuth);
-  const double sine = std::sin(theta);
+  if (theta >= reach_) return {sum[0], sum[1], 0, 0};
+  const Cubic at = cubic(theta / reach_ * azimuth_steps, azimuth_steps + 4);
+  const double last = edge_step * static_cast<double>((edges_.front().size() - 1) / 2);
   for (int side = 0; side < 2; ++side) {
     const double sign = side == 0 ? 1 : -1;
-    const auto& rim = azimuth.rim[side];
-    const double scaled = sign * std::cbrt(0.5 * rim.x) * theta;
-    const double last = edge_step * static_cast<double>((edges_.front().size() - 1) / 2);
+    double path = 0, scaled = 0, across = 0;
+    for (int n = 0; n < 4; ++n) {
+      const auto& from = azimuth.sides[side][at.first + n];
+      path += at.weight[n] * from.path;
+      scaled += at.weight[n] * from.scaled;
+      across += at.weight[n] * from.across;
+    }
     if (std::abs(scaled) >= last) continue;
-    const EdgeEntry e = edge(rim.x, sign * theta);
-    const double X = ka_ * rim.outline_radius * theta;
-    // The outline does not lie in a plane: its stationary point moves a little.
-    const double climb = ka_ * rim.z_slope * (1 - std::cos(theta));
-    const double phase = -sign * (ka_ * sine * rim.reach + rim.x * (theta - sine)) +
-                         ka_ * rim.z * (1 - std::cos(theta)) -
-                         sign * climb * climb * rim.outline_radius / (2 * ka_ * theta) + sign * pi / 4;
+    // The sphere on whose surface the wave would come as far.
+    const double gamma = scaled / (sign * theta);
+    const EdgeEntry e = edge(2 * gamma * gamma * gamma, sign * theta);
+    const double X = across * theta;
     // Hankel's function of the outline's circle (DLMF 10.17.5), two terms.
     const Complex hankel{1 + 15 / (128 * X * X), -sign * 3 / (8 * X)};
-    const Complex factor = sign * i * std::sqrt(X / (2 * pi)) / (theta * theta) * std::sqrt(theta / sine) *
-                           std::polar(1.0, phase);
+    const Complex factor = sign * i * std::sqrt(X / (2 * pi)) / (theta * theta) *
+                           std::sqrt(theta / std::sin(theta)) * std::polar(1.0, path + sign * pi / 4);
     const double left = smooth_step(std::abs(scaled), last - 0.7, last);
     for (int q = 0; q < 2; ++q) {
       // Across the plane of scattering the other polarisation's wave comes in.

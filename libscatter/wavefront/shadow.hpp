@@ -29,14 +29,13 @@ public:
   /// What does not change along one half-plane of azimuth phi.
   struct Azimuth {
     double cos_phi = 1, sin_phi = 0;
-    /// The rim where it faces phi, and where it faces away.
-    struct Rim {
-      double reach = 1; ///< along phi, units of a
-      double z = 0, z_slope = 0;
-      double outline_radius = 1; ///< of curvature
-      double x = 1;              ///< size parameter of the curvature across the rim
+    /// Waves that leave the rim where it faces phi (0) and where it faces away (1), at even steps of theta.
+    struct Step {
+      double path = 0;   ///< phase of the edge's wave [rad], -k a theta and k a theta on a sphere
+      double scaled = 0; ///< integral of (x/2)^(1/3) over theta along the surface, x its curvature's
+      double across = 1; ///< size parameter of the curvature across the plane of scattering
     };
-    std::array<Rim, 2> rim;
+    std::array<std::vector<Step>, 2> sides;
   };
   [[nodiscard]] Azimuth azimuth(double phi_deg) const;
 
@@ -56,8 +55,6 @@ private:
     double x = 0, y = 0, z = 0;        ///< units of a
     double normal_x = 1, normal_y = 0; ///< outward
     double length = 0;                 ///< of its piece of the outline
-    double reach = 1;                  ///< along the normal
-    double z_slope = 0;                ///< along the outline
     double outline_radius = 1;         ///< of curvature
     double size = 1;                   ///< parameter of the curvature across the rim
   };
@@ -85,9 +82,18 @@ private:
   [[nodiscard]] Amplitude contour(double theta, const Azimuth& azimuth) const;
   [[nodiscard]] Amplitude two_points(double theta, const Azimuth& azimuth) const;
   [[nodiscard]] Polarised reflected(double theta, const Azimuth& azimuth) const;
+  /// The surface where its normal is that, curvatures in the plane of the normal and `level`.
+  struct Bend {
+    double support = 1; ///< distance of the tangent plane, units of a
+    double x = 1;       ///< size parameter of the curvature along `level`
+    double gauss = 1;   ///< Gaussian curvature, 1 / a^2
+  };
+  [[nodiscard]] Bend
+  surface_at(const std::array<double, 3>& normal, const std::array<double, 3>& level) const;
   void describe_surface(const drop::Shape& shape);
   void describe_rim(const drop::Shape& shape, double sun_elevation_deg);
 
+  double reach_ = 1;                ///< theta up to which an edge's wave is followed
   double ka_ = 0, contour_end_ = 0; ///< the latter in theta
   bool convex_ = true;
   std::array<double, 3> axis_{};

@@ -177,6 +177,26 @@ TEST(Shadow, ExtinguishesByItsAreaAndItsEdge) {
   }
 }
 
+TEST(Shadow, IsReciprocal) {
+  // Light and direction exchanged and turned round: in the vertical plane of a spheroid, which is its own
+  // mirror image, the sun at h and light that leaves theta further down against the sun at h + theta and
+  // light that leaves theta further up. Rims, outlines and curvatures are other ones.
+  const drop::Shape shape = drop::spheroid(0.3e-3, 0.8);
+  const double ka = 2 * pi * 0.3e-3 / red.wavelength_m;
+  Worst worst;
+  for (const double h : {0.0, 20.0, 45.0})
+    for (const double theta : range(1, 31, 2.5)) {
+      const Amplitude there = Shadow(shape, h, red).at(theta, 0);
+      const Amplitude back = Shadow(shape, h + theta, red).at(theta, 180);
+      const double scale = std::max({std::abs(there.S1), std::abs(there.S2), 0.25 * ka});
+      worst.see(difference(there, back) / scale, [&] {
+        return std::to_string(theta) + " deg, sun " + std::to_string(h);
+      });
+    }
+  std::printf("reciprocity: %.3f %% at %s\n", 100 * worst.value, worst.where.c_str());
+  expect_below(worst, 0.02, "reciprocity");
+}
+
 TEST(Shadow, DoesNotDependOnWhereTwoPointsTakeOver) {
   const drop::Shape shape = drop::beard_chuang(1e-3);
   const Shadow early(shape, 20, red), late(shape, 20, red, 80);
