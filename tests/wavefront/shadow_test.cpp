@@ -1,5 +1,6 @@
 #include "support.hpp"
 #include <scatter/exact/debye.hpp>
+#include <scatter/wavefront/airy_edge.hpp>
 #include <scatter/wavefront/shadow.hpp>
 
 #include <cstdio>
@@ -36,7 +37,7 @@ order_0(double radius_m, const std::vector<double>& theta, std::complex<double> 
 }
 
 struct Sphere {
-  double radius_m, bound_S1, bound_S2;
+  double radius_m, bound;
 };
 void PrintTo(const Sphere& sphere, std::ostream* to) {
   *to << sphere.radius_m * 1e3 << " mm";
@@ -44,32 +45,32 @@ void PrintTo(const Sphere& sphere, std::ostream* to) {
 class ShadowOfSphere : public testing::TestWithParam<Sphere> {};
 
 TEST_P(ShadowOfSphere, IsDebyesTerm) {
-  const auto [radius_m, bound_S1, bound_S2] = GetParam();
+  const auto [radius_m, bound] = GetParam();
   const auto theta = range(0, 180, 0.05);
   const auto truth = order_0(radius_m, theta);
   const Shadow shadow(drop::sphere(radius_m), 0, red);
   // Local errors: in windows of 1 deg, each over what shines there.
-  Worst S1, S2;
+  Worst S1, S2, brewster;
   for (double first = 0; first < 180; ++first) {
     const Error e =
         relative_error(truth, theta, first, first + 1, [&](std::size_t i) { return shadow.at(theta[i], 0); });
     const auto where = [&] { return std::to_string(first) + " deg"; };
     S1.see(e.S1, where);
-    S2.see(e.S2, where);
+    (first > 59 && first < 90 ? brewster : S2).see(e.S2, where);
   }
   std::printf(
-      "%g mm: S1 within %.3f %% (%s), S2 within %.3f %% (%s)\n", radius_m * 1e3, 100 * S1.value,
-      S1.where.c_str(), 100 * S2.value, S2.where.c_str());
-  expect_below(S1, bound_S1, "S1");
-  // Brewster's angle, where S2 all but vanishes, lies in one of the windows.
-  expect_below(S2, bound_S2, "S2");
+      "%g mm: S1 within %.4f %% (%s), S2 %.4f %% (%s), about Brewster's angle %.4f %%\n", radius_m * 1e3,
+      100 * S1.value, S1.where.c_str(), 100 * S2.value, S2.where.c_str(), 100 * brewster.value);
+  expect_below(S1, bound, "S1");
+  expect_below(S2, 4 * bound, "S2");
+  // S2 all but vanishes there.
+  expect_below(brewster, 20 * bound, "S2 about Brewster's angle");
 }
 
 INSTANTIATE_TEST_SUITE_P(
     Radii, ShadowOfSphere,
     testing::Values(
-        Sphere{0.05e-3, 0.001, 0.012}, Sphere{0.1e-3, 0.0004, 0.003}, Sphere{0.4e-3, 0.00012, 0.0003},
-        Sphere{1e-3, 0.00012, 0.00015}));
+        Sphere{0.05e-3, 0.0006}, Sphere{0.1e-3, 0.0003}, Sphere{0.4e-3, 0.0001}, Sphere{1e-3, 0.0001}));
 
 TEST(Shadow, HoldsForOtherIndices) {
   const auto theta = range(0, 180, 0.1);
@@ -184,8 +185,8 @@ TEST(Shadow, IsReciprocal) {
   const drop::Shape shape = drop::spheroid(0.3e-3, 0.8);
   const double ka = 2 * pi * 0.3e-3 / red.wavelength_m;
   Worst worst;
-  for (const double h : {0.0, 20.0, 45.0})
-    for (const double theta : range(1, 31, 2.5)) {
+  for (const double h : {0.0, 45.0})
+    for (const double theta : range(1, 31, 5)) {
       const Amplitude there = Shadow(shape, h, red).at(theta, 0);
       const Amplitude back = Shadow(shape, h + theta, red).at(theta, 180);
       const double scale = std::max({std::abs(there.S1), std::abs(there.S2), 0.25 * ka});
@@ -198,21 +199,34 @@ TEST(Shadow, IsReciprocal) {
 }
 
 TEST(Shadow, DoesNotDependOnWhereTwoPointsTakeOver) {
-  const drop::Shape shape = drop::beard_chuang(1e-3);
-  const Shadow early(shape, 20, red), late(shape, 20, red, 80);
-  const double ka = 2 * pi * 1e-3 / red.wavelength_m;
-  Worst worst;
-  for (const double phi : {0.0, 45.0, 90.0, 150.0, 180.0})
-    for (const double X : range(25, 160, 0.7)) {
-      const double theta = X / ka / degree;
-      const Amplitude a = early.at(theta, phi), b = late.at(theta, phi);
-      // Over the envelope of the rings.
-      const double scale = ka * ka * std::sqrt(2 / pi) * std::pow(X, -1.5);
-      worst.see(
-          difference(a, b) / scale, [&] { return std::to_string(X) + " at phi " + std::to_string(phi); });
-    }
-  std::printf("contour against two points: %.3f %% at %s\n", 100 * worst.value, worst.where.c_str());
-  expect_below(worst, 0.003, "contour against two points");
+  // The contour leaves out how curvature changes along the ray, two points leave out 1 / (k a theta).
+  struct Case {
+    drop::Shape shape;
+    double bound;
+  };
+  const Case cases[] = {
+      {drop::beard_chuang(1e-3), 0.003},
+      {drop::spheroid(0.2e-3, 0.95), 0.003},
+      {drop::spheroid(0.2e-3, 0.8), 0.01}};
+  for (const auto& [shape, bound] : cases) {
+    const Shadow early(shape, 20, red), late(shape, 20, red, 80);
+    const double ka = 2 * pi * shape.radius_m / red.wavelength_m;
+    Worst worst;
+    for (const double phi : {0.0, 45.0, 90.0, 150.0, 180.0})
+      for (const double X : range(25, 160, 0.7)) {
+        const double theta = X / ka / degree;
+        const Amplitude a = early.at(theta, phi), b = late.at(theta, phi);
+        // Over the envelope of the rings, or the reflected ray.
+        const double scale = std::max(ka * ka * std::sqrt(2 / pi) * std::pow(X, -1.5), 0.5 * ka);
+        worst.see(difference(a, b) / scale, [&] {
+          return "k a theta = " + std::to_string(X) + " at phi " + std::to_string(phi);
+        });
+      }
+    std::printf(
+        "%s: contour against two points: %.3f %% at %s\n", shape.name.c_str(), 100 * worst.value,
+        worst.where.c_str());
+    expect_below(worst, bound, "contour against two points");
+  }
 }
 
 TEST(Shadow, ReflectsLikePatches) {
@@ -238,6 +252,47 @@ TEST(Shadow, ReflectsLikePatches) {
     }
   std::printf("patches: %.3f %% at %s\n", 100 * worst.value, worst.where.c_str());
   expect_below(worst, 0.01, "patches");
+}
+
+TEST(Airy, HasTheTabulatedValues) {
+  // Abramowitz & Stegun, table 10.11.
+  const double table[][5] = {
+      {-1, 0.53556088, 0.10399739, -0.01016057, 0.59237563},
+      {0, 0.35502805, 0.61492663, -0.25881940, 0.44828836},
+      {1, 0.13529242, 1.20742359, -0.15914744, 0.93243593}};
+  for (const auto& [tau, Ai, Bi, Ai_slope, Bi_slope] : table) {
+    const Airy a = airy(tau);
+    EXPECT_NEAR(a.Ai, Ai, 1e-8) << tau;
+    EXPECT_NEAR(a.Bi, Bi, 1e-8) << tau;
+    EXPECT_NEAR(a.Ai_slope, Ai_slope, 1e-8) << tau;
+    EXPECT_NEAR(a.Bi_slope, Bi_slope, 1e-8) << tau;
+  }
+  // DLMF 9.2.7
+  for (double tau = -30; tau <= 25; tau += 0.7) {
+    const Airy a = airy(tau);
+    EXPECT_NEAR((a.Ai * a.Bi_slope - a.Ai_slope * a.Bi) * pi, 1, 1e-11) << tau;
+  }
+}
+
+TEST(Shadow, IsANumberForHardShapes) {
+  const drop::Shape shapes[] = {drop::spheroid(0.5e-3, 0.2), drop::spheroid(0.5e-3, 5),
+                                drop::chuang_beard(3e-3),    drop::beard_chuang(3e-3),
+                                drop::sphere(2e-6),          drop::spheroid(5e-6, 0.5)};
+  EXPECT_FALSE(shapes[2].is_convex()) << "one of them is to have a dent";
+  for (const drop::Shape& shape : shapes)
+    for (const std::complex<double> m : {std::complex(1.331), std::complex(0.75), std::complex(1.33, 2.0)})
+      for (const double sun : {0.0, 50.0}) {
+        const Shadow shadow(shape, sun, with_index(m));
+        const double ka = 2 * pi * shape.radius_m / red.wavelength_m;
+        for (const double phi : {0.0, 60.0, 180.0}) {
+          const auto azimuth = shadow.azimuth(phi);
+          for (const double theta : range(0, 180, 1)) {
+            const Amplitude a = shadow.at(theta, azimuth);
+            for (const auto& S : {a.S1, a.S2, a.S3, a.S4})
+              ASSERT_LT(std::abs(S), 10 * ka * ka) << shape.name << m << sun << " " << theta << " " << phi;
+          }
+        }
+      }
 }
 
 TEST(Shadow, DoesNotDependOnThreads) {
