@@ -210,7 +210,8 @@ Polarised EdgeWave::reflection(double theta) const {
         i * std::cos(at) / (8 * lambda * std::sin(at)) * here[q] +
         i / (lambda * std::sin(at)) * (here[1 - q] - std::cos(at) * here[q]);
   }
-  for (int q = 0; q < 2; ++q) r[q] += weight * factor[q];
+  // At a critical angle (m < 1) the series fails: then nothing large comes of it.
+  for (int q = 0; q < 2; ++q) r[q] += weight * factor[q] / std::max(1.0, std::abs(factor[q]) / 0.3);
   return r;
 }
 

@@ -1,9 +1,11 @@
+#include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
 #include <scatter/wavefront/shadow.hpp>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <sstream>
 #include <thread>
 
 namespace scatter::wavefront {
@@ -15,6 +17,8 @@ constexpr Complex i{0, 1};
 
 constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 1200;
 constexpr int azimuth_steps = 128;
+/// Size parameters: of a drop, and of a piece of its surface, beyond which curvature it counts as that.
+constexpr double smallest_drop = 20, smallest_curvature = 10;
 /// Of (x/2)^(1/3) theta between entries.
 constexpr double edge_step = 0.04;
 /// Beyond twice this angle [rad] two points stand for the outline, however small the drop.
@@ -79,6 +83,13 @@ Curve curve(const drop::Shape& shape, double t) {
 Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& light, double contour_end)
     : ka_(2 * pi * shape.radius_m / light.wavelength_m),
       contour_end_(std::min(contour_end / ka_, contour_end_at_most)), convex_(shape.is_convex()) {
+  if (!(ka_ >= smallest_drop)) {
+    std::ostringstream message;
+    message << "--diffraction integral: a drop of size parameter " << ka_ << " is too small for order 0; use "
+            << smallest_drop << " or more (radius " << smallest_drop * light.wavelength_m / (2 * pi) * 1e6
+            << " um at this wavelength), or --method mie";
+    throw InputError(message.str());
+  }
   const double h = sun_elevation_deg * radians_per_degree;
   axis_ = {std::cos(h), 0, std::sin(h)};
   describe_surface(shape);
@@ -92,6 +103,7 @@ Shadow::Shadow(const drop::Shape& shape, double sun_elevation_deg, const Light& 
     least = std::min(least, ka_ / std::max(p.meridian, p.across));
     most = std::max(most, ka_ / std::min(p.meridian, p.across));
   }
+  least = std::max(least, smallest_curvature);
   const int count = most > least * (1 + 1e-9) ? sizes_at_most : 1;
   edges_.resize(count);
   for (int s = 0; s < count; ++s) {
