@@ -25,8 +25,22 @@ const std::vector<Case>& cases() {
       {"energy", "energy of every order of a falling drop: over directions and in the rays", run_energy},
       {"bow-angles", "geometric bow angles of spheres, spheroids and raindrops against published ones",
        run_bow_angles},
+      {"integral",
+       "the diffraction integral on spheres: orders against Debye's terms, their sum against Lorenz-Mie",
+       run_integral},
+      {"drops",
+       "falling drops: rays, windows, reciprocity, the umbilic focus, a second uniform method, the twinned "
+       "bow",
+       run_drops},
+      {"pareto", "error against time of every method: the bows of spheres, and the time of a falling drop",
+       run_pareto},
+      {"hard-cases", "hard cases of drops: each with its expected answer or its documented limit",
+       run_hard_cases},
       {"exact", "exact spheres, Debye series and cylinders at their hard cases against arbitrary precision",
        run_exact},
+      {"fiber-dual", "dual scattering of hair against random walks among strands, with times",
+       run_fiber_dual},
+      {"fiber-waves", "the lobes of rays in fibres against the exact cylinder, by radius", run_fiber_waves},
   };
   return all;
 }

@@ -45,9 +45,31 @@ struct Case {
 [[nodiscard]] CaseReport run_energy(const Settings& settings, const Progress& progress);
 /// Geometric bow angles of spheres, spheroids and raindrops against published ones.
 [[nodiscard]] CaseReport run_bow_angles(const Settings& settings, const Progress& progress);
+/// The diffraction integral on spheres traced as any drop: complex amplitudes of orders against Debye's
+/// terms, the whole phase function against Lorenz-Mie beside patches with and without the Gaussian filter.
+/// Also makes integral-accuracy.csv, which is tables/accuracy/integral.csv when the settings are the standard
+/// ones.
+[[nodiscard]] CaseReport run_integral(const Settings& settings, const Progress& progress);
+/// Consistency of falling drops, which have no exact theory: convergence with rays, independence of the
+/// integral's windows, reciprocity, the umbilic focus of spheroids, Chester, Friedman and Ursell's uniform
+/// formula at the top of the bow, the twinned bow. Of the settings index, threads and quick count.
+[[nodiscard]] CaseReport run_drops(const Settings& settings, const Progress& progress);
+/// Error against wall time of both bows of spheres by patches with and without filter, the integral and
+/// Lorenz-Mie at several settings, 650 nm; the time of a falling drop at all azimuths. Of the settings index,
+/// threads and quick count.
+[[nodiscard]] CaseReport run_pareto(const Settings& settings, const Progress& progress);
+/// Drops and rays at which tracers fail: every case has an expected answer or a documented limit. Of the
+/// settings index, threads and quick count.
+[[nodiscard]] CaseReport run_hard_cases(const Settings& settings, const Progress& progress);
 /// The exact references themselves: hard spheres, Debye series and cylinders against arbitrary precision,
 /// with error, error estimate and time; Airy's and the Debye series' bows against published maxima. Of the
 /// settings only threads and quick count.
 [[nodiscard]] CaseReport run_exact(const Settings& settings, const Progress& progress);
+/// Dual scattering of hair against random walks among parallel and tangled strands, with the times of both.
+/// Of the settings only threads and quick count.
+[[nodiscard]] CaseReport run_fiber_dual(const Settings& settings, const Progress& progress);
+/// R, TT and TRT of rays in silk and hair against Debye's terms of the exact cylinder by fibre radius,
+/// averaged over azimuth; forward diffraction. Of the settings only quick counts.
+[[nodiscard]] CaseReport run_fiber_waves(const Settings& settings, const Progress& progress);
 
 } // namespace scatter::validation

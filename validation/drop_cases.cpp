@@ -91,6 +91,11 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
       request.threads = settings.threads;
       const auto start = std::chrono::steady_clock::now();
       Row row{order, count, 0, 0, 0, 0};
+      wavefront::Tracing tracing;
+      tracing.shape = request.shape;
+      tracing.sun_elevation_deg = request.sun_elevation_deg;
+      const double radius = request.shape.radius_m;
+      const double shadow = wavefront::Tracer(tracing, device).shadow_area() * radius * radius;
       for (const Band& band : bands_of(order, request, device)) {
         request.theta_deg = midpoints(band.from_deg, band.to_deg, band.step_deg);
         request.phi_deg = midpoints(0, 180, band.phi_step_deg);
@@ -103,8 +108,7 @@ CaseReport run_energy(const Settings& settings, const Progress& progress) {
           for (std::size_t f = 0; f < columns; ++f) mean += slab.phase_function[t * columns + f];
           sum += mean / static_cast<double>(columns) * std::sin(request.theta_deg[t] * radians_per_degree);
         }
-        // The extinction cross section is twice the shadow, which the carried energy is a share of.
-        const double shadow = slab.extinction_cross_section / 2;
+        // The carried energy is a share of what meets the drop.
         row.integral +=
             sum * 2 * pi * band.step_deg * radians_per_degree * slab.scattering_cross_section / shadow;
         row.carried = slab.order_energy.front();

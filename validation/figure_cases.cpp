@@ -1,4 +1,5 @@
 #include "cases.hpp"
+#include "words.hpp"
 #include <scatter/optics/units.hpp>
 #include <scatter/scene/colour.hpp>
 #include <scatter/scene/plot.hpp>
@@ -117,11 +118,6 @@ highest(const std::vector<double>& theta_deg, const std::vector<double>& values,
   const double curvature = left - 2 * middle + right;
   const double offset = curvature < 0 ? 0.5 * (left - right) / curvature : 0;
   return theta_deg[best] + offset * (theta_deg[best + 1] - theta_deg[best]);
-}
-
-std::string percent(double value) {
-  return std::abs(value) < 0.0995 ? fmt::format("{:.1f} %", 100 * value)
-                                  : fmt::format("{:.0f} %", 100 * value);
 }
 
 phase::Request request_of(const Settings& settings, double radius_m) {

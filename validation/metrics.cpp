@@ -17,12 +17,17 @@ const std::vector<Region>& regions() {
   return all;
 }
 
-ThetaGrid ripple_grid(double largest_size_parameter, double coarsest_deg) {
+ThetaGrid ripple_grid(double largest_size_parameter, double coarsest_deg, double from_deg, double to_deg) {
   const double step = std::min(coarsest_deg, 180 / largest_size_parameter / 4);
   // A whole number of steps per degree, so that the borders of the regions lie on the grid.
-  const auto per_degree = static_cast<std::size_t>(std::ceil(1 / step - 1e-9));
+  auto per_degree = static_cast<std::size_t>(std::ceil(1 / step - 1e-9));
+  const bool halves = std::floor(from_deg) != from_deg || std::floor(to_deg) != to_deg;
+  if (halves) per_degree += per_degree % 2;
   ThetaGrid grid{1 / static_cast<double>(per_degree), {}};
-  for (std::size_t i = 0; i <= 180 * per_degree; ++i)
+  const auto number = [&](double angle) {
+    return static_cast<std::size_t>(std::llround(angle * static_cast<double>(per_degree)));
+  };
+  for (std::size_t i = number(from_deg); i <= number(to_deg); ++i)
     grid.theta_deg.push_back(static_cast<double>(i) / static_cast<double>(per_degree));
   return grid;
 }

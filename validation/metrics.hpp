@@ -21,14 +21,16 @@ struct Region {
 /// glory (which begins at 178 deg and which rays do not know).
 [[nodiscard]] const std::vector<Region>& regions();
 
-/// An even grid of scattering angles from 0 to 180 degrees, both included.
+/// An even grid of scattering angles, from 0 to 180 degrees or a part of that, both ends included.
 struct ThetaGrid {
   double step_deg = 0;
   std::vector<double> theta_deg;
 };
 
 /// Four or more angles per period of the ripple, which is 180 deg / x in theta, and at least `coarsest_deg`.
-[[nodiscard]] ThetaGrid ripple_grid(double largest_size_parameter, double coarsest_deg);
+/// Ends are multiples of half a degree.
+[[nodiscard]] ThetaGrid
+ripple_grid(double largest_size_parameter, double coarsest_deg, double from_deg = 0, double to_deg = 180);
 
 /// Intensity of unpolarised light and what it is polarised by, in units that both sides share.
 struct Curve {
@@ -36,9 +38,9 @@ struct Curve {
 };
 
 /// Average over a uniform disc of this diameter across the scattering angle: chords of the disc as weights,
-/// each integrated exactly over the grid's cells. The curve is continued evenly beyond 0 and 180 deg. A chord
-/// is taken as straight in theta: wrong by diameter^2 / 16 / tan(theta) of theta, 2e-4 deg at 5 deg from a
-/// pole.
+/// each integrated exactly over the grid's cells. The curve is continued evenly beyond its ends, which is
+/// right at 0 and 180 deg: elsewhere keep half a disc away from them. A chord is taken as straight in theta:
+/// wrong by diameter^2 / 16 / tan(theta) of theta, 2e-4 deg at 5 deg from a pole.
 [[nodiscard]] std::vector<double>
 average_disc(std::span<const double> values, double step_deg, double diameter_deg);
 [[nodiscard]] Curve average_disc(const Curve& curve, double step_deg, double diameter_deg);
@@ -55,7 +57,7 @@ struct Errors {
   std::size_t angles = 0;
 };
 
-/// Both curves on the same even grid from 0 deg. Throws std::invalid_argument when the sizes differ, the
+/// Both curves on the same even grid. Throws std::invalid_argument when the sizes differ, the
 /// region holds no angle, or the truth is not positive there.
 [[nodiscard]] Errors
 compare(const Curve& computed, const Curve& truth, const ThetaGrid& grid, const Region& region);

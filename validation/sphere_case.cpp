@@ -1,4 +1,5 @@
 #include "cases.hpp"
+#include "words.hpp"
 #include <scatter/optics/units.hpp>
 #include <scatter/optics/version.hpp>
 #include <scatter/scene/plot.hpp>
@@ -38,20 +39,6 @@ ordered_json to_json(const Errors& errors) {
 
 ordered_json to_json(const Region& region) {
   return {region.from_deg, region.to_deg};
-}
-
-/// 0.0437 -> "4.4 %", 12.3 -> "1230 %".
-std::string percent(double value) {
-  const double p = 100 * value;
-  return std::abs(p) < 9.95 ? fmt::format("{:.1f} %", p) : fmt::format("{:.0f} %", p);
-}
-
-std::string millimetres(double metres) {
-  return fmt::format("{:.4g} mm", metres * 1e3);
-}
-
-std::string seconds_text(double seconds) {
-  return seconds < 0.0995 ? fmt::format("{:.0f} ms", seconds * 1e3) : fmt::format("{:.2g} s", seconds);
 }
 
 /// One number per radius and region out of the entries: over the wavelengths, `reduce` of `value`.

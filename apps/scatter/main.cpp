@@ -37,7 +37,8 @@ constexpr int wrong_input = 2;
 
 using AddVerb = void (*)(CLI::App&, scatter::app::Context&);
 constexpr AddVerb verbs[] = {scatter::app::add_mie,      scatter::app::add_cylinder, scatter::app::add_phase,
-                             scatter::app::add_validate, scatter::app::add_info,     scatter::app::add_plot};
+                             scatter::app::add_validate, scatter::app::add_info,     scatter::app::add_plot,
+                             scatter::app::add_fiber};
 
 /// Killed or stopped: no half file stays behind, and whoever waits for us sees the signal, as the convention
 /// wants.
@@ -127,11 +128,27 @@ std::string advice(std::string_view word, const std::vector<std::string>& known,
   return "see " + help;
 }
 
+/// The verb that was asked for, and its name as typed: "scatter", "scatter phase", "scatter fiber azimuth".
+struct Verb {
+  const CLI::App* app;
+  std::string name = "scatter";
+};
+
+Verb verb_of(const CLI::App& program) {
+  Verb verb{&program};
+  for (auto used = program.get_subcommands(); !used.empty(); used = verb.app->get_subcommands()) {
+    verb.app = used.front();
+    verb.name += " " + verb.app->get_name();
+  }
+  return verb;
+}
+
 /// What the command line's parser found wrong, in one line.
 std::string describe(const CLI::ParseError& error, const CLI::App& program) {
-  const auto used = program.get_subcommands();
-  const CLI::App& verb = used.empty() ? program : *used.front();
-  const std::string help = used.empty() ? "scatter --help" : "scatter " + verb.get_name() + " --help";
+  const auto [app, name_of_verb] = verb_of(program);
+  const CLI::App& verb = *app;
+  const std::string help = name_of_verb + " --help";
+  const bool has_verbs = !verb.get_subcommands({}).empty();
 
   // A misspelt option often shows as a required one that is missing: the spelling is what to tell.
   const std::vector<std::string> extras = program.remaining(true);
@@ -145,14 +162,16 @@ std::string describe(const CLI::ParseError& error, const CLI::App& program) {
         for (const std::string& long_name : option->get_lnames()) known.push_back("--" + long_name);
       return "unknown option " + scatter::quote(name) + "; " + advice(name, known, help);
     }
-    if (used.empty()) {
+    if (has_verbs) {
       std::vector<std::string> known;
-      for (const CLI::App* const subcommand : program.get_subcommands({}))
+      for (const CLI::App* const subcommand : verb.get_subcommands({}))
         known.push_back(subcommand->get_name());
       return "unknown verb " + scatter::quote(extras.front()) + "; " + advice(extras.front(), known, help);
     }
     return "unexpected argument " + scatter::quote(extras.front()) + "; see " + help;
   }
+  if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr && has_verbs)
+    return "a verb is missing after " + verb.get_name() + "; see " + help;
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
     const std::string_view message = error.what();
     const std::string name(message.substr(0, message.find(':')));
@@ -163,9 +182,7 @@ std::string describe(const CLI::ParseError& error, const CLI::App& program) {
 }
 
 int report(int code, const CLI::App& program, const std::string& message) {
-  const auto used = program.get_subcommands();
-  std::string line =
-      "scatter" + (used.empty() ? std::string() : " " + used.front()->get_name()) + ": " + message;
+  std::string line = verb_of(program).name + ": " + message;
   std::ranges::replace_if(
       line, [](unsigned char c) { return c < 0x20 || c == 0x7F; }, '?'); // one line, come what may
   (void)std::fprintf(stderr, "%s\n", line.c_str());
@@ -221,8 +238,11 @@ int main(int argc, char** argv) {
     logger->set_level(spdlog::level::info);
   };
   program.add_flag_function("--verbose", be_verbose, "Log what is done to standard error");
-  for (CLI::App* const verb : program.get_subcommands({}))
+  for (CLI::App* const verb : program.get_subcommands({})) {
     verb->add_flag_function("--verbose", be_verbose, "Log what is done to standard error");
+    for (CLI::App* const below : verb->get_subcommands({}))
+      below->add_flag_function("--verbose", be_verbose, "Log what is done to standard error");
+  }
 
   return run(program, argc, argv);
 }

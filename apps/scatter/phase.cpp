@@ -49,23 +49,33 @@ private:
 void compute(const PhaseJob& job) {
   const phase::Plan plan = phase::plan(job.request);
   spdlog::info("{}", plan.description);
+  // Standard output may be where the table goes.
+  std::FILE* const explanation = job.output_given && job.output == "-" ? stderr : stdout;
   if (job.explain) {
-    // Standard output may be where the table goes.
-    fmt::print(job.output_given && job.output == "-" ? stderr : stdout, "{}\n", plan.description);
+    if (!plan.reasons.empty()) fmt::print(explanation, "{}\n", plan.reasons);
+    fmt::print(explanation, "{}\n", plan.description);
+    const phase::Prediction expected = phase::predict(plan);
+    fmt::print(explanation, "predicted: error {:.2g} %, {:.2g} s\n", 100 * expected.error, expected.seconds);
     if (!job.output_given) return;
+    (void)std::fflush(explanation);
   }
   const std::unique_ptr<table::Sink> sink =
       job.output == "none" ? std::make_unique<table::NullSink>()
                            : table::make_file_sink(job.output, plan.header, job.file_options);
   const auto start = std::chrono::steady_clock::now();
+  phase::Outcome outcome;
   {
     ProgressBar bar;
-    phase::run(plan, *sink, [&bar](double done) { bar(done); });
+    outcome = phase::run(plan, *sink, [&bar](double done) { bar(done); });
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   spdlog::info(
       "{} wavelengths x {} theta x {} phi in {:.2f} s, written to {}", plan.header.wavelength_m.size(),
       plan.header.theta_deg.size(), plan.header.phi_deg.size(), seconds, job.output);
+  if (job.explain)
+    fmt::print(
+        explanation, "achieved: error {:.2g} % (estimated in the table), {:.2g} s\n", 100 * outcome.error,
+        outcome.seconds);
 }
 
 } // namespace

@@ -36,6 +36,15 @@ int whole_number(const std::string& text) {
   return value;
 }
 
+/// A relative error: 0.01 or 1%.
+double share(const std::string& text) {
+  const bool percent = text.ends_with('%');
+  const double value = parse_number(percent ? text.substr(0, text.size() - 1) : text) / (percent ? 100 : 1);
+  if (!(value > 0 && value < 1))
+    throw InputError(quote(text) + " is not a relative error; write one between 0 and 1, such as 0.01 or 1%");
+  return value;
+}
+
 template <typename Choice>
 Choice choose(const std::string& text, std::initializer_list<std::pair<const char*, Choice>> choices) {
   std::string names;
@@ -116,10 +125,13 @@ void PhaseOptions::add_to(CLI::App& verb) {
   group = "Method";
   add("--method", method_, "NAME",
       "patches, mie or auto: Mie for a sphere, patches otherwise" + standard(method_));
-  add("--rays", rays_, "N", "Rays across the drop: a grid of N x N is traced" + standard(rays_));
-  add("--orders", orders_, "ORDERS",
-      "Orders p: 0 external reflection, 1 transmission, p - 1 internal reflections" + standard(orders_));
-  add("--diffraction", diffraction_, "NAME", "gaussian, integral or none" + standard(diffraction_));
+  rays_option_ =
+      add("--rays", rays_, "N", "Rays across the drop: a grid of N x N is traced" + standard(rays_));
+  orders_option_ =
+      add("--orders", orders_, "ORDERS",
+          "Orders p: 0 external reflection, 1 transmission, p - 1 internal reflections" + standard(orders_));
+  diffraction_option_ =
+      add("--diffraction", diffraction_, "NAME", "gaussian, integral or none" + standard(diffraction_));
   add("--focal-lines", focal_lines_, "NAME",
       "exact, rule (as on a sphere) or none: how phase jumps at focal lines are counted" +
           standard(focal_lines_));
@@ -130,9 +142,16 @@ void PhaseOptions::add_to(CLI::App& verb) {
       "raster, tree or auto: how directions find their patches" + standard(search_));
   add("--threads", threads_, "N",
       "Threads to use, 0 for all cores; results do not depend on it" + standard(threads_));
-  // Not shown by --help: known only to say that it is not there yet.
-  add("--tolerance", tolerance_, "NUMBER", "")->group("");
-  add_flag("--explain", explain_, "Say how the request would be computed; compute it only with --output");
+  add("--tolerance", tolerance_, "NUMBER",
+      "Choose --diffraction, --orders and --rays, where they are not given, so that the intensity averaged "
+      "over "
+      "the sun's disc is right to this share (root mean square over the scattering angles), such as 1% or "
+      "0.01");
+  add_flag(
+      "--explain", explain_,
+      "Say how the request would be computed, its predicted error and time; compute it only with --output, "
+      "and "
+      "then say what they came to");
 
   group = "Output";
   output_option_ =
@@ -154,9 +173,6 @@ PhaseJob PhaseOptions::job() const {
   job.output = output_;
   job.output_given = output_option_->count() > 0;
   if (output_.empty()) throw InputError("--output: \"\" is empty; write a file such as drop.nc, - or none");
-  if (tolerance_)
-    throw InputError(
-        "--tolerance: not available in this version; choose accuracy with --method, --rays and --orders");
   if (!radius_) throw InputError("--radius is missing; write one such as --radius 0.5mm");
   if (!wavelengths_)
     throw InputError("--wavelengths is missing; write some such as --wavelengths 380:700:10nm");
@@ -204,6 +220,9 @@ PhaseJob PhaseOptions::job() const {
   request.matrix = matrix_;
   request.amplitudes = amplitudes_;
   request.per_order = per_order_;
+  if (tolerance_) request.tolerance = read("--tolerance", share, *tolerance_);
+  request.open = {
+      diffraction_option_->count() == 0, rays_option_->count() == 0, orders_option_->count() == 0};
   request.threads = read("--threads", whole_number, threads_);
   return job;
 }

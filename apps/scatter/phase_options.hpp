@@ -36,7 +36,8 @@ private:
   std::string sun_ = "0deg", theta_ = "0:180:1deg", orders_ = "0..3", rays_ = "1000", threads_ = "0",
               output_ = "-";
   std::optional<std::string> radius_, axis_ratio_, wavelengths_, phi_, sun_disc_, tolerance_;
-  CLI::Option* output_option_ = nullptr;
+  CLI::Option *output_option_ = nullptr, *diffraction_option_ = nullptr, *rays_option_ = nullptr,
+              *orders_option_ = nullptr;
   bool no_interference_ = false, no_dispersion_ = false, no_absorption_ = false;
   bool matrix_ = false, amplitudes_ = false, per_order_ = false, explain_ = false;
 };

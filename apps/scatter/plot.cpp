@@ -1,3 +1,5 @@
+#include "azimuthal_plot.hpp"
+#include "cloth_plot.hpp"
 #include "lee.hpp"
 #include "verbs.hpp"
 #include <scatter/optics/errors.hpp>
@@ -211,13 +213,17 @@ std::string title(const table::TableHeader& head, double phi_deg) {
   return words + " (" + (method == "mie" ? "Lorenz-Mie" : method) + ")";
 }
 
+void check_size(int width, int height) {
+  if (width < 300 || width > 10000 || height < 250 || height > 10000)
+    throw InputError(fmt::format(
+        "--width {} --height {}: a picture has 300 to 10000 pixels across and 250 to 10000 down", width,
+        height));
+}
+
 void run(const Texts& texts) {
   // Refused before the table is read.
   static_cast<void>(scene::picture_format(texts.output));
-  if (texts.width < 300 || texts.width > 10000 || texts.height < 250 || texts.height > 10000)
-    throw InputError(fmt::format(
-        "--width {} --height {}: a picture has 300 to 10000 pixels across and 250 to 10000 down", texts.width,
-        texts.height));
+  check_size(texts.width, texts.height);
   if (!std::isfinite(texts.exposure) || std::abs(texts.exposure) > 50)
     throw InputError(fmt::format("--exposure {}: give stops between -50 and 50", texts.exposure));
   const auto source = table::open_table(texts.file);
@@ -272,19 +278,41 @@ void run(const Texts& texts) {
   scene::write_plot(texts.output, plot);
 }
 
-/// A table and a Lee diagram have nothing to say to each other's options.
-void refuse_mixed(const CLI::App& verb, bool lee) {
-  for (const CLI::Option* const option : verb.get_options()) {
-    if (option->count() == 0 || option->get_name() == "--lee") continue;
-    const std::string name = option->get_name();
-    const bool shared = name == "--output" || name == "--exposure" || name == "--verbose";
-    const bool of_lee = option->get_group() == "Lee diagram";
-    if (lee && !shared && !of_lee)
-      throw InputError(name + ": a Lee diagram is computed, not read from a table; leave it out");
-    if (!lee && of_lee) throw InputError(name + ": belongs to a Lee diagram; add --lee");
+/// What is drawn has options of its own; the others' have nothing to say to it. A table has those of no
+/// group.
+void refuse_mixed(const CLI::App& verb, bool lee, bool azimuthal, bool cloth) {
+  struct Kind {
+    const char *option, *group, *name;
+    bool wanted;
+    std::vector<std::string> also; ///< options of a table that it has too
+  };
+  const Kind kinds[] = {
+      {"--lee", "Lee diagram", "a Lee diagram", lee, {"--exposure"}},
+      {"--azimuthal", "Azimuthal figure", "an azimuthal figure", azimuthal, {"--width", "--height"}},
+      {"--cloth", "Cloth", "a fabric's plot", cloth, {"--width"}}};
+  const Kind* drawn = nullptr;
+  for (const Kind& kind : kinds) {
+    if (!kind.wanted) continue;
+    if (drawn != nullptr)
+      throw InputError(
+          std::string(kind.option) + ": " + drawn->option + " asks for another picture; give one of the two");
+    drawn = &kind;
   }
-  if (!lee && verb.count("FILE") == 0)
-    throw InputError("FILE is missing: name a table made by scatter phase, or use --lee");
+  for (const CLI::Option* const option : verb.get_options()) {
+    if (option->count() == 0) continue;
+    const std::string name = option->get_name();
+    if (name == "--output" || name == "--verbose") continue;
+    const auto owner = std::ranges::find(
+        kinds, option->get_group(), [](const Kind& kind) { return std::string(kind.group); });
+    const bool of_table = owner == std::end(kinds);
+    if (!of_table && !owner->wanted)
+      throw InputError(name + ": belongs to " + owner->name + "; add " + owner->option);
+    if (of_table && drawn != nullptr && std::ranges::find(drawn->also, name) == drawn->also.end())
+      throw InputError(name + ": " + drawn->name + " is computed, not read from a table; leave it out");
+  }
+  if (drawn == nullptr && verb.count("FILE") == 0)
+    throw InputError(
+        "FILE is missing: name a table made by scatter phase, or use --lee, --azimuthal or --cloth");
 }
 
 } // namespace
@@ -293,7 +321,8 @@ void add_plot(CLI::App& app, Context&) {
   CLI::App* const verb =
       app.add_subcommand("plot", "Draw a table: curves, and the colours that one would see");
   const auto texts = std::make_shared<Texts>();
-  verb->add_option("FILE", texts->file, "Table made by scatter phase: .nc, .exr or .json; none with --lee");
+  verb->add_option(
+      "FILE", texts->file, "Table made by scatter phase: .nc, .exr or .json; none with --lee or --azimuthal");
   verb->add_option("--output", texts->output, "Picture to write: .png or .svg")
       ->type_name("PICTURE")
       ->required();
@@ -320,8 +349,19 @@ void add_plot(CLI::App& app, Context&) {
       "Example: scatter plot bow.nc --from 120 --to 150 --output bow.png");
   const auto lee = std::make_shared<LeeTexts>();
   add_lee_options(*verb, *lee);
-  verb->callback([texts, lee, verb] {
-    refuse_mixed(*verb, lee->wanted);
+  const auto azimuthal = std::make_shared<AzimuthalTexts>();
+  add_azimuthal_options(*verb, *azimuthal);
+  const auto cloth = std::make_shared<ClothPlotTexts>();
+  add_cloth_plot_options(*verb, *cloth);
+  verb->callback([texts, lee, azimuthal, cloth, verb] {
+    refuse_mixed(*verb, lee->wanted, azimuthal->wanted, cloth->cloth.has_value());
+    if (cloth->cloth) return run_cloth_plot(*cloth, texts->width, texts->output);
+    if (azimuthal->wanted) {
+      const bool square = azimuthal->polar && verb->count("--width") + verb->count("--height") == 0;
+      const int width = square ? 800 : texts->width, height = square ? 830 : texts->height;
+      check_size(width, height);
+      return run_azimuthal(*azimuthal, width, height, texts->output);
+    }
     if (lee->wanted) return run_lee(*lee, texts->exposure, texts->output);
     run(*texts);
   });

@@ -189,7 +189,7 @@ void add_validate(CLI::App& app, Context& context) {
                        const std::string& description) {
     verb->add_option(name, text, description)->type_name(type)->group(group);
   };
-  add("--case", texts->cases, "NAME,...", "Cases", "Cases to run, see --list [all]");
+  add("--case,case", texts->cases, "NAME,...", "Cases", "Cases to run, see --list [all]");
   verb->add_flag("--list", texts->list, "List the cases and stop")->group("Cases");
   verb->add_flag("--quick", texts->quick, "A reduced version of every case; the report says so")
       ->group("Cases");

@@ -1,4 +1,5 @@
 #include <scatter/optics/errors.hpp>
+#include <scatter/optics/units.hpp>
 #include <scatter/optics/version.hpp>
 #include <scatter/phase/job.hpp>
 #include <scatter/phase/methods.hpp>
@@ -56,6 +57,10 @@ void check(const Request& request) {
     throw InputError(fmt::format("--rays {}: the grid needs 2 to 20000 rays across", request.rays));
   if (request.threads < 0)
     throw InputError(fmt::format("--threads {}: 0 (all cores) or more is needed", request.threads));
+  if (!(request.tolerance >= 0 && request.tolerance < 1))
+    throw InputError(fmt::format(
+        "--tolerance: {} is not a relative error; write one between 0 and 1, such as 0.01 or 1%",
+        number(request.tolerance)));
   if (request.orders.empty()) throw InputError("--orders: at least one order is needed, such as 0..3");
   if (request.orders.front() < 0 || request.orders.back() > 1000)
     throw InputError("--orders: orders p from 0 to 1000 are possible");
@@ -148,33 +153,10 @@ std::complex<double> index_at(const Request& request, double wavelength_m) {
   return request.absorption ? index : index.real();
 }
 
-Plan plan(const Request& request) {
-  check(request);
-  Plan made;
-  made.request = request;
-  made.available_bytes = static_cast<double>(compute::available_memory());
-  const bool sphere = request.shape.is_sphere();
-  made.method = request.method;
-  if (made.method == Method::automatic)
-    made.method = sphere && request.interference && !request.per_order ? Method::mie : Method::patches;
-  if (made.method == Method::mie) {
-    if (!sphere)
-      throw InputError(fmt::format(
-          "--method mie: only a sphere has a Lorenz-Mie series, this drop is a {}; use --method patches",
-          request.shape.name));
-    if (!request.interference) throw InputError("--method mie: --no-interference is for --method patches");
-    if (request.per_order) throw InputError("--method mie: --per-order is for --method patches");
-  }
-  if (made.method == Method::patches && request.diffraction == Diffraction::integral) {
-    if (!request.interference)
-      throw InputError("--diffraction integral: intensities cannot be integrated; drop --no-interference");
-    if (request.focal_lines != FocalLines::exact)
-      throw InputError(
-          "--diffraction integral: focal lines must be counted exactly; use --focal-lines exact");
-  }
-  if (made.method == Method::patches && !request.interference && (request.amplitudes || request.per_order))
-    throw InputError("--no-interference: intensities have no amplitude; drop --amplitudes and --per-order");
-  made.header = make_header(request, made.method);
+namespace {
+
+/// Rays need an index that bends them.
+void check_index(const Plan& made) {
   for (const std::complex<double>& index : made.header.index) {
     if (made.method == Method::patches && (index.real() < 1.0001 || index.real() > 10))
       throw InputError(fmt::format(
@@ -187,7 +169,11 @@ Plan plan(const Request& request) {
           "0.1 is possible",
           number(index.imag())));
   }
+}
 
+/// Refuses what would not fit.
+void count_memory(Plan& made) {
+  const Request& request = made.request;
   const double table_bytes = sizeof(double) * static_cast<double>(request.theta_deg.size()) *
                              static_cast<double>(request.phi_deg.size()) *
                              (1.0 + (request.matrix ? 16 : 0) + (request.amplitudes ? 8 : 0) +
@@ -218,14 +204,80 @@ Plan plan(const Request& request) {
         "this request needs about {:.1f} GB of memory and {:.1f} GB are free: ask for fewer --theta or "
         "--phi, or without --matrix, --amplitudes, --per-order",
         made.memory_bytes / 1e9, made.available_bytes / 1e9));
+}
+
+} // namespace
+
+Plan plan(const Request& request) {
+  check(request);
+  Plan made;
+  made.request = request;
+  made.available_bytes = static_cast<double>(compute::available_memory());
+  const bool sphere = request.shape.is_sphere();
+  made.method = request.method;
+  if (made.method == Method::automatic)
+    made.method = sphere && request.interference && !request.per_order ? Method::mie : Method::patches;
+  if (made.method == Method::mie) {
+    if (!sphere)
+      throw InputError(fmt::format(
+          "--method mie: only a sphere has a Lorenz-Mie series, this drop is a {}; use --method patches",
+          request.shape.name));
+    if (!request.interference) throw InputError("--method mie: --no-interference is for --method patches");
+    if (request.per_order) throw InputError("--method mie: --per-order is for --method patches");
+  }
+  if (request.tolerance > 0 && made.method == Method::mie)
+    made.reasons = "a sphere has an exact theory: Lorenz-Mie, to 1e-9";
+  if (made.method == Method::patches && request.diffraction == Diffraction::integral) {
+    if (!request.interference)
+      throw InputError("--diffraction integral: intensities cannot be integrated; drop --no-interference");
+    if (request.focal_lines != FocalLines::exact)
+      throw InputError(
+          "--diffraction integral: focal lines must be counted exactly; use --focal-lines exact");
+  }
+  if (made.method == Method::patches && !request.interference && (request.amplitudes || request.per_order))
+    throw InputError("--no-interference: intensities have no amplitude; drop --amplitudes and --per-order");
+  made.header = make_header(request, made.method);
+  check_index(made);
+  if (request.tolerance > 0 && made.method == Method::patches) {
+    const std::size_t middle = request.wavelength_m.size() / 2;
+    Choice choice = choose_settings(request, request.wavelength_m[middle], made.header.index[middle]);
+    made.request = std::move(choice.request);
+    made.reasons = std::move(choice.explanation);
+    made.header = make_header(made.request, made.method);
+    made.header.provenance.constants.emplace_back("tolerance", number(request.tolerance));
+  }
+  count_memory(made);
   return made;
 }
 
-void run(const Plan& plan, table::Sink& sink, const Progress& progress) {
-  if (plan.method == Method::mie)
-    run_mie(plan, sink, progress);
-  else
-    run_patches(plan, sink, progress);
+Prediction predict(const Plan& plan) {
+  if (plan.method == Method::mie) {
+    // The coefficients' sums over partial waves by FFT, where angles allow it; otherwise some ten times that.
+    const Request& request = plan.request;
+    double seconds = 0.05;
+    for (const double wavelength : request.wavelength_m)
+      seconds += 2 * pi * request.shape.radius_m / wavelength *
+                 (1e-7 + 3e-10 * static_cast<double>(request.theta_deg.size()) *
+                             (request.sun_disc_deg > 0 ? 30 : 1));
+    return {1e-9, seconds};
+  }
+  const std::size_t middle = plan.request.wavelength_m.size() / 2;
+  const ErrorModel errors(
+      plan.request, plan.request.wavelength_m[middle], plan.header.index[middle], plan.request.orders.back());
+  return predict(plan.request, errors);
+}
+
+void ErrorSum::add(std::span<const double> errors) {
+  for (const double error : errors) squares_ += error * error;
+  count_ += errors.size();
+}
+
+double ErrorSum::root_mean_square() const {
+  return count_ == 0 ? 0 : std::sqrt(squares_ / static_cast<double>(count_));
+}
+
+Outcome run(const Plan& plan, table::Sink& sink, const Progress& progress) {
+  return plan.method == Method::mie ? run_mie(plan, sink, progress) : run_patches(plan, sink, progress);
 }
 
 table::PhaseTable compute(const Request& request) {

@@ -30,8 +30,9 @@ struct SphereMatrix {
 
 } // namespace
 
-void run_mie(const Plan& plan, table::Sink& sink, const Progress& progress) {
+Outcome run_mie(const Plan& plan, table::Sink& sink, const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
+  ErrorSum sum;
   const Request& request = plan.request;
   const std::size_t azimuths = request.phi_deg.size();
   sink.begin(plan.header);
@@ -88,10 +89,13 @@ void run_mie(const Plan& plan, table::Sink& sink, const Progress& progress) {
     slab.scattering_cross_section = geometric * mie.Qsca;
     slab.extinction_cross_section = geometric * mie.Qext;
     slab.error_estimate.assign(request.theta_deg.size(), 2 * mie.error_estimate);
+    sum.add(slab.error_estimate);
     sink.write(w, slab);
     if (progress) progress(static_cast<double>(w + 1) / static_cast<double>(request.wavelength_m.size()));
   }
-  sink.finish(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  sink.finish(seconds);
+  return {sum.root_mean_square(), seconds};
 }
 
 } // namespace scatter::phase

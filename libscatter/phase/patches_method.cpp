@@ -1,7 +1,10 @@
 #include <scatter/optics/errors.hpp>
 #include <scatter/phase/methods.hpp>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <set>
 
 namespace scatter::phase {
 
@@ -40,9 +43,31 @@ std::vector<table::Amplitude> to_table(const std::vector<wavefront::Amplitude>& 
   return to;
 }
 
+/// Estimates at up to three wavelengths of a request: errors change little between them.
+class ErrorsByWavelength {
+public:
+  ErrorsByWavelength(const Request& request, const std::vector<std::complex<double>>& index) {
+    const std::size_t last = request.wavelength_m.size() - 1;
+    for (const std::size_t w : std::set<std::size_t>{0, last / 2, last})
+      errors_.emplace_back(
+          request.wavelength_m[w],
+          ErrorModel(request, request.wavelength_m[w], index[w], request.orders.back())
+              .estimate(request.diffraction, request.rays, request.orders));
+  }
+  /// Of the nearest wavelength.
+  [[nodiscard]] const std::vector<double>& at(double wavelength_m) const {
+    return std::ranges::min_element(
+               errors_, {}, [&](const auto& e) { return std::abs(e.first - wavelength_m); })
+        ->second;
+  }
+
+private:
+  std::vector<std::pair<double, std::vector<double>>> errors_;
+};
+
 } // namespace
 
-void run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) {
+Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) {
   const Request& request = plan.request;
   try {
     const auto start = std::chrono::steady_clock::now();
@@ -51,9 +76,8 @@ void run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) 
     std::vector<wavefront::Light> lights;
     for (std::size_t w = 0; w < request.wavelength_m.size(); ++w)
       lights.push_back({request.wavelength_m[w], plan.header.index[w]});
-    std::vector<double> error_estimate;
-    for (const double theta : request.theta_deg)
-      error_estimate.push_back(patches_error_estimate(request.shape.radius_m, request.diffraction, theta));
+    const ErrorsByWavelength errors(request, plan.header.index);
+    ErrorSum sum;
     sink.begin(plan.header);
     tracer.far_field(lights, wanted_of(request), [&](std::size_t w, wavefront::FarField& field) {
       table::Slab slab;
@@ -64,14 +88,17 @@ void run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) 
       slab.order_energy = field.order_energy;
       slab.scattering_cross_section = field.scattering_cross_section;
       slab.extinction_cross_section = field.extinction_cross_section;
-      slab.error_estimate = error_estimate;
+      slab.error_estimate = errors.at(request.wavelength_m[w]);
+      sum.add(slab.error_estimate);
       sink.write(w, slab);
       // The big arrays go back, to be filled again without touching new memory.
       slab.phase_function.swap(field.phase_function);
       slab.phase_matrix.swap(field.phase_matrix);
       if (progress) progress(static_cast<double>(w + 1) / static_cast<double>(lights.size()));
     });
-    sink.finish(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    sink.finish(seconds);
+    return {sum.root_mean_square(), seconds};
   } catch (const compute::DeviceError& error) {
     throw RunError(error.what());
   }

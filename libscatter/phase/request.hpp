@@ -38,8 +38,14 @@ struct Request {
   bool matrix = false;      ///< also the 4x4 phase matrix
   bool amplitudes = false;  ///< also the 2x2 amplitude matrix (sum over orders)
   bool per_order = false;   ///< also the amplitude of every order
-  int threads = 0;          ///< 0: all cores; results do not depend on it
-  std::string command;      ///< goes into the provenance
+  /// Relative error of the intensity averaged over the sun's disc, root of the mean square over theta, that
+  /// plan() reaches by choosing what is open; 0: everything is as it stands here. In (0, 1).
+  double tolerance = 0;
+  struct Open {
+    bool diffraction = true, rays = true, orders = true;
+  } open;              ///< with a tolerance: what plan() may choose
+  int threads = 0;     ///< 0: all cores; results do not depend on it
+  std::string command; ///< goes into the provenance
 };
 
 } // namespace scatter::phase

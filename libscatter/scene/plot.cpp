@@ -14,6 +14,7 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <stdexcept>
 #include <string_view>
 
@@ -155,7 +156,7 @@ std::pair<double, double> extent(const Plot& plot, bool of_x) {
   for (const Curve& curve : plot.curves)
     for (std::size_t i = 0; i < curve.x.size(); ++i) {
       if (plot.x_range && (curve.x[i] < plot.x_range->first || curve.x[i] > plot.x_range->second)) continue;
-      if (!drawable(curve.y[i], plot.log_y) || !std::isfinite(curve.x[i])) continue;
+      if (!drawable(curve.y[i], plot.log_y) || !drawable(curve.x[i], plot.log_x)) continue;
       if (of_x) {
         low = std::min(low, curve.x[i]);
         high = std::max(high, curve.x[i]);
@@ -204,6 +205,8 @@ std::string finished_picture(const std::string& script, PictureFormat format) {
 
 void check(const Plot& plot) {
   if (plot.curves.empty()) throw std::invalid_argument("a plot needs at least one curve");
+  if (plot.log_x && (!plot.strips.empty() || (plot.x_range && !(plot.x_range->first > 0))))
+    throw std::invalid_argument("a logarithmic x axis has no strips and begins above zero");
   for (const Curve& curve : plot.curves) {
     const bool band = !curve.lower.empty() || !curve.upper.empty();
     if (curve.x.size() != curve.y.size() ||
@@ -323,7 +326,10 @@ std::string draw(const Plot& plot, PictureFormat format) {
   s.line(
       "set label 3 {} at screen {},{} center rotate noenhanced", quoted(plot.y_label), across(20),
       up((top + plot.height - bottom) / 2));
-  s.line("set xtics nomirror out {} offset 0,0.3 tc rgb '#222222'", tick_step(x_last - x_first));
+  s.line(
+      "set xtics nomirror out {} offset 0,0.3 tc rgb '#222222'",
+      plot.log_x ? 10 : tick_step(x_last - x_first));
+  if (plot.log_x) s.line("set logscale x\nset format x '%g'");
   s.line("set ytics nomirror out tc rgb '#222222'");
   s.line("set mxtics");
   s.line("set yrange [{}:{}]", y_first, y_last);
@@ -388,6 +394,92 @@ std::string draw(const Plot& plot, PictureFormat format) {
   s.line("{}", command);
   s.line("unset multiplot");
 
+  return finished_picture(s.text, format);
+}
+
+std::string draw(const PolarPlot& plot, PictureFormat format) {
+  if (plot.curves.empty()) throw std::invalid_argument("a plot needs at least one curve");
+  double largest = 0;
+  for (const Curve& curve : plot.curves) {
+    if (curve.x.size() != curve.y.size()) throw std::invalid_argument("a curve needs as many x as y");
+    for (const double y : curve.y) {
+      if (y < 0) throw std::invalid_argument("a polar plot has no place for negative values");
+      if (std::isfinite(y)) largest = std::max(largest, y);
+    }
+  }
+  if (!(largest > 0)) throw std::invalid_argument("nothing to draw: no value is positive");
+
+  Script s;
+  set_terminal(s, format, plot.width, plot.height);
+  constexpr int top = 44, bottom = 24;
+  int widest = 0;
+  for (const Curve& curve : plot.curves) widest = std::max(widest, length(curve.label));
+  const int columns = std::clamp((plot.width - 40) / (widest * character_px + 56), 1, 4);
+  const int rows = (static_cast<int>(plot.curves.size()) + columns - 1) / columns;
+  const int legend_px = rows * (text_px + 5) + 24;
+  const int side = std::max(std::min(plot.width - 120, plot.height - top - legend_px - bottom), 100);
+  const auto across = [&](int px) { return static_cast<double>(px) / plot.width; };
+  const auto up = [&](int px) { return 1 - static_cast<double>(px) / plot.height; };
+  const int left = (plot.width - side) / 2, first_row = top + legend_px;
+  s.line("set lmargin at screen {}\nset rmargin at screen {}", across(left), across(left + side));
+  s.line("set tmargin at screen {}\nset bmargin at screen {}", up(first_row), up(first_row + side));
+  // Unit circle: values are scaled here, so that gnuplot need not know about roots.
+  s.line("set xrange [-1.12:1.12]\nset yrange [-1.12:1.12]\nunset border\nunset tics");
+  const double step = tick_step(largest);
+  int rings = 0;
+  for (double value = step; value <= largest * 1.0001; value += step) ++rings;
+  const double scale = 1 / std::sqrt(largest);
+  for (int k = 0; k < rings; ++k) {
+    const double value = step * (k + 1), r = std::sqrt(value) * scale;
+    s.line("set object {} circle at 0,0 size {} fs empty border lc rgb '#cccccc' lw 0.7 back", k + 1, r);
+    // Labels on a spoke of their own, where rings are not too near.
+    if (k == 0 || k + 1 == rings || rings <= 4 || k == rings / 2)
+      s.line(
+          "set label {} '{:g}' at {},{} center font '{},9' tc rgb '#777777' front", 100 + k, value,
+          r * std::sin(1.31), r * std::cos(1.31), font);
+  }
+  s.line("set object 99 circle at 0,0 size 1 fs empty border lc rgb '#888888' lw 0.8 back");
+  for (int degrees = 0; degrees < 360; degrees += 30) {
+    const double a = degrees * 3.14159265358979323846 / 180;
+    s.line(
+        "set arrow {} from 0,0 to {},{} nohead lc rgb '#dddddd' lw 0.6 back", degrees / 30 + 1, std::sin(a),
+        std::cos(a));
+    s.line(
+        "set label {} '{}°' at {},{} center tc rgb '#222222'", 200 + degrees,
+        degrees <= 180 ? degrees : degrees - 360, 1.08 * std::sin(a), 1.08 * std::cos(a));
+  }
+  for (std::size_t i = 0; i < plot.curves.size(); ++i) {
+    const Curve& curve = plot.curves[i];
+    s.line("$curve{} << END", i);
+    for (std::size_t k = 0; k < curve.x.size(); ++k) {
+      if (!std::isfinite(curve.x[k]) || !std::isfinite(curve.y[k])) {
+        s.line("");
+        continue;
+      }
+      const double a = curve.x[k] * 3.14159265358979323846 / 180, r = std::sqrt(curve.y[k]) * scale;
+      s.line("{:.6g} {:.6g}", r * std::sin(a), r * std::cos(a));
+    }
+    s.line("END");
+  }
+  if (!plot.title.empty())
+    s.line(
+        "set label 300 {} at screen 0.5,{} center noenhanced font '{},{}'", quoted(plot.title), up(22), font,
+        format == PictureFormat::png ? 13 : 17);
+  s.line(
+      "set key at screen 0.5,{} center top horizontal maxcols {} noenhanced reverse Left samplen 2.5 spacing "
+      "1.2 tc rgb "
+      "'#222222'",
+      up(top), columns);
+  std::string command;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < plot.curves.size(); ++i) {
+    const Curve& curve = plot.curves[i];
+    command += fmt::format(
+        "{}$curve{} using 1:2 with lines lc rgb '{}' lw {}{} {}", i == 0 ? "plot " : ", ", i,
+        curve.colour.empty() ? palette[next++ % palette.size()] : curve.colour, curve.width,
+        curve.dashed ? " dt 2" : "", curve.label.empty() ? "notitle" : "title " + quoted(curve.label));
+  }
+  s.line("{}", command);
   return finished_picture(s.text, format);
 }
 
@@ -460,6 +552,116 @@ std::string draw(const ColourImage& image, PictureFormat format) {
   return finished_picture(s.text, format);
 }
 
+std::string draw(const HalfDiscPlot& plot, PictureFormat format) {
+  double largest = 0;
+  if (plot.panels.empty()) throw std::invalid_argument("a plot of half discs needs one at least");
+  std::vector<std::pair<std::string, std::string>> legend; // label, colour
+  for (const HalfDiscPlot::Panel& panel : plot.panels) {
+    std::size_t next = 0;
+    for (const Curve& curve : panel.curves) {
+      if (curve.x.size() != curve.y.size())
+        throw std::invalid_argument("the arrays of curve '" + curve.label + "' differ in length");
+      const std::string colour = curve.colour.empty() ? palette[next++ % palette.size()] : curve.colour;
+      if (!curve.label.empty() &&
+          std::ranges::none_of(legend, [&](const auto& entry) { return entry.first == curve.label; }))
+        legend.emplace_back(curve.label, colour);
+      for (const double y : curve.y)
+        if (std::isfinite(y)) largest = std::max(largest, y);
+    }
+  }
+  if (!(largest > 0)) throw std::invalid_argument("a plot of half discs needs something that is positive");
+  // A few rings at round values.
+  const auto ring_step = [](double most) {
+    const double decade = std::pow(10, std::floor(std::log10(most)));
+    for (const double factor : {0.2, 0.25, 0.5, 1.0})
+      if (most / (factor * decade) <= 5) return factor * decade;
+    return 2 * decade;
+  };
+
+  // Everything is laid out in pixels, from the bottom left.
+  const auto count = static_cast<int>(plot.panels.size());
+  constexpr int side = 34, between = 40;
+  const int bottom = plot.radius_label.empty() ? 34 : 58;
+  const int radius = (plot.width - 2 * side - (count - 1) * between) / (2 * count);
+  if (radius < 40) throw std::invalid_argument("the half discs have no room");
+  const int top = (plot.title.empty() ? 8 : 40) + (legend.empty() ? 0 : text_px + 10) + 26;
+  constexpr int below = 26; // under the centre: labels of the scale
+  const int height = top + radius + below + bottom;
+  Script s;
+  set_terminal(s, format, plot.width, height);
+  s.line(
+      "set lmargin at screen 0\nset rmargin at screen 1\nset tmargin at screen 1\nset bmargin at screen 0");
+  s.line("set xrange [0:{}]\nset yrange [0:{}]\nunset border\nunset tics\nunset key", plot.width, height);
+  int labels = 0;
+  const auto label = [&](const std::string& text, double x, double y, const char* where, int size) {
+    s.line(
+        "set label {} {} at {},{} {} noenhanced font '{},{}' tc rgb '#222222'", ++labels, quoted(text), x, y,
+        where, font, format == PictureFormat::png ? size : size + 3);
+  };
+  std::string command;
+  int blocks = 0;
+  const auto line = [&](const std::vector<std::pair<double, double>>& points, const std::string& style) {
+    s.line("$line{} << END", blocks);
+    for (const auto& [x, y] : points) s.line("{:.3f} {:.3f}", x, y);
+    s.line("END");
+    command +=
+        fmt::format("{}$line{} using 1:2 with lines {} notitle", blocks == 0 ? "plot " : ", ", blocks, style);
+    ++blocks;
+  };
+  if (!plot.title.empty()) label(plot.title, plot.width / 2.0, height - 22, "center", 13);
+  double legend_x = 0;
+  for (const auto& [text, colour] : legend) legend_x += length(text) * character_px + 56;
+  legend_x = 0.5 * (plot.width - legend_x);
+  const double legend_y = height - (plot.title.empty() ? 8 : 40) - text_px / 2.0 - 2;
+  for (const auto& [text, colour] : legend) {
+    line({{legend_x, legend_y}, {legend_x + 26, legend_y}}, fmt::format("lc rgb '{}' lw 2", colour));
+    label(text, legend_x + 34, legend_y, "left", 11);
+    legend_x += length(text) * character_px + 56;
+  }
+  const double degree = std::numbers::pi / 180;
+  for (int panel = 0; panel < count; ++panel) {
+    const HalfDiscPlot::Panel& of = plot.panels[static_cast<std::size_t>(panel)];
+    const double x = side + radius + panel * (2.0 * radius + between), y = bottom + below;
+    const auto at = [&](double angle_deg, double r) {
+      return std::pair(x + r * std::sin(angle_deg * degree), y + r * std::cos(angle_deg * degree));
+    };
+    double most = 0;
+    for (const Curve& curve : of.curves)
+      for (const double value : curve.y)
+        if (std::isfinite(value)) most = std::max(most, value);
+    if (!(most > 0)) most = largest; // nothing here: the scale of the others
+    const double ring = ring_step(most), scale = std::max(std::ceil(most / ring - 1e-9), 1.0) * ring;
+    for (double value = ring; value <= scale * (1 + 1e-9); value += ring) {
+      std::vector<std::pair<double, double>> arc;
+      for (int a = -90; a <= 90; a += 2) arc.push_back(at(a, radius * value / scale));
+      line(arc, "lc rgb '#dddddd' lw 0.7");
+      label(fmt::format("{:.4g}", value), x + radius * value / scale, y - 12, "center", 8);
+    }
+    for (int a = -90; a <= 90; a += 30) {
+      line(
+          {at(a, 0), at(a, radius)}, std::abs(a) == 90 ? "lc rgb '#444444' lw 1" : "lc rgb '#dddddd' lw 0.7");
+      const auto [lx, ly] = at(a, radius + 14);
+      // At the horizon there is no room beside the disc, and the scale says what is there.
+      if (std::abs(a) != 90) label(fmt::format("{}°", a), lx, ly, "center", 9);
+    }
+    if (of.mark) line({at(*of.mark, 0), at(*of.mark, radius)}, "lc rgb '#E69F00' lw 2");
+    std::size_t next = 0;
+    for (const Curve& curve : of.curves) {
+      const std::string colour = curve.colour.empty() ? palette[next++ % palette.size()] : curve.colour;
+      std::vector<std::pair<double, double>> points;
+      for (std::size_t k = 0; k < curve.x.size(); ++k)
+        if (std::isfinite(curve.y[k]))
+          points.push_back(at(curve.x[k], radius * std::max(curve.y[k], 0.0) / scale));
+      if (!points.empty())
+        line(points, fmt::format("lc rgb '{}' lw {}{}", colour, curve.width, curve.dashed ? " dt 2" : ""));
+    }
+    label(of.label, x, bottom - 16, "center", 11);
+  }
+  if (!plot.radius_label.empty()) label(plot.radius_label, plot.width / 2.0, 16, "center", 9);
+  s.line("{}", command);
+  return finished_picture(s.text, format);
+}
+
 namespace {
 
 template <typename Picture>
@@ -480,6 +682,14 @@ void write_plot(const std::filesystem::path& path, const Plot& plot) {
 
 void write_plot(const std::filesystem::path& path, const ColourImage& image) {
   write(path, image);
+}
+
+void write_plot(const std::filesystem::path& path, const HalfDiscPlot& plot) {
+  write(path, plot);
+}
+
+void write_plot(const std::filesystem::path& path, const PolarPlot& plot) {
+  write(path, plot);
 }
 
 } // namespace scatter::scene

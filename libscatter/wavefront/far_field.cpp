@@ -345,8 +345,11 @@ struct Tracer::Implementation : RayProgram {
     for (int p = 0; p < orders; ++p)
       if (order_wanted[p] != 0) field.order_energy.push_back(by_order[p] / area);
     const double shadow = area * tracing.shape.radius_m * tracing.shape.radius_m;
-    field.extinction_cross_section = 2 * shadow;
-    field.scattering_cross_section = shadow * (1 + scattered_share(light));
+    // Light that passes close beside the rim is taken off, too.
+    const double k = 2 * pi / light.wavelength_m;
+    const double edge = 1.9923861 * shadow * std::pow(k * std::sqrt(shadow / pi), -2.0 / 3);
+    field.extinction_cross_section = 2 * shadow + edge;
+    field.scattering_cross_section = shadow * (1 + scattered_share(light)) + edge;
   }
 
   /// Scattered share of the energy that meets the drop, all orders: 1 without absorption.

@@ -77,6 +77,61 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"GivenTwice", phase({}, {"--radius", "1mm"}), {"--radius is given more than once"}}),
     name_of);
 
+std::vector<std::string> fiber_azimuth(const std::vector<std::string>& added) {
+  std::vector<std::string> arguments{"fiber", "azimuth"};
+  arguments.insert(arguments.end(), added.begin(), added.end());
+  return arguments;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    FiberAzimuth, BadInput,
+    testing::Values(
+        Case{"FiberAlone", {"fiber"}, {"scatter fiber: ", "verb is missing", "scatter fiber --help"}},
+        Case{"FiberUnknownVerb", {"fiber", "azimut"}, {"scatter fiber: ", "azimut", "did you mean azimuth?"}},
+        Case{
+            "FiberUnknownOption",
+            fiber_azimuth({"--etta", "1.5"}),
+            {"scatter fiber azimuth: ", "--etta", "did you mean --eta?"}},
+        Case{
+            "FiberMissingValue",
+            fiber_azimuth({"--eta"}),
+            {"scatter fiber azimuth: ", "--eta needs a value", "scatter fiber azimuth --help"}},
+        Case{"FiberStray", fiber_azimuth({"--eta", "1.5", "stray"}), {"scatter fiber azimuth: ", "stray"}},
+        Case{"EtaMissing", fiber_azimuth({}), {"scatter fiber azimuth: ", "--eta is missing", "1.55"}},
+        Case{"EtaOne", fiber_azimuth({"--eta", "1"}), {"--eta", "\"1\"", "greater than 1"}},
+        Case{"EtaThin", fiber_azimuth({"--eta", "0.7"}), {"--eta", "0.7"}},
+        Case{"EtaNaN", fiber_azimuth({"--eta", "nan"}), {"--eta", "nan"}},
+        Case{"EtaInfinite", fiber_azimuth({"--eta", "1e999"}), {"--eta", "1e999"}},
+        Case{"EtaComplex", fiber_azimuth({"--eta", "1.5+1i"}), {"--eta", "1.5+1i"}},
+        Case{
+            "SigmaNegative",
+            fiber_azimuth({"--eta", "1.5", "--sigma-a", "-0.1"}),
+            {"--sigma-a", "-0.1", "negative"}},
+        Case{"SigmaNaN", fiber_azimuth({"--eta", "1.5", "--sigma-a", "nan"}), {"--sigma-a", "nan"}},
+        Case{
+            "ThetaDRight",
+            fiber_azimuth({"--eta", "1.5", "--theta-d", "90deg"}),
+            {"--theta-d", "90deg", "-90deg"}},
+        Case{"ThetaDLeft", fiber_azimuth({"--eta", "1.5", "--theta-d=-90"}), {"--theta-d", "-90"}},
+        Case{"ThetaDNaN", fiber_azimuth({"--eta", "1.5", "--theta-d", "nan"}), {"--theta-d", "nan"}},
+        Case{"FiberPhiFar", fiber_azimuth({"--eta", "1.5", "--phi", "361"}), {"--phi", "361"}},
+        Case{"FiberPhiNaN", fiber_azimuth({"--eta", "1.5", "--phi", "nan"}), {"--phi", "nan"}},
+        Case{"FiberOrders", fiber_azimuth({"--eta", "1.5", "--orders", "-1"}), {"--orders", "-1"}},
+        Case{"FiberOrdersMany", fiber_azimuth({"--eta", "1.5", "--orders", "1001"}), {"--orders", "1001"}},
+        Case{
+            "FiberPolarisation",
+            fiber_azimuth({"--eta", "1.5", "--polarisation", "s"}),
+            {"--polarisation", "\"s\"", "tracked"}},
+        Case{
+            "FiberOutput",
+            fiber_azimuth({"--eta", "1.5", "--output", "a.txt"}),
+            {"--output", "a.txt", "json"}},
+        Case{
+            "FiberCsv",
+            fiber_azimuth({"--eta", "1.5", "--output", "none.csv"}),
+            {"--output", "none.csv", "json"}}),
+    name_of);
+
 INSTANTIATE_TEST_SUITE_P(
     Quantities, BadInput,
     testing::Values(
@@ -192,7 +247,13 @@ INSTANTIATE_TEST_SUITE_P(
             phase({{"--diffraction", "integral"}}, {"--no-interference"}),
             {"--diffraction integral", "--no-interference"}},
         Case{"FocalLinesUnknown", phase({{"--focal-lines", "all"}}), {"--focal-lines", "all", "exact"}},
-        Case{"Tolerance", phase({{"--tolerance", "1e-3"}}), {"--tolerance", "--rays"}},
+        Case{
+            "ToleranceOutOfReach",
+            phase({{"--theta", "120:150:1"}, {"--phi", "0"}, {"--tolerance", "1e-6"}}),
+            {"--tolerance", "out of reach", "--orders"}},
+        Case{"ToleranceOfAll", phase({{"--tolerance", "100%"}}), {"--tolerance", "100%", "0.01"}},
+        Case{"ToleranceNegative", phase({{"--tolerance", "-1%"}}), {"--tolerance", "-1%"}},
+        Case{"ToleranceWord", phase({{"--tolerance", "good"}}), {"--tolerance", "good"}},
         Case{
             "RasterOfUnevenAngles",
             phase({{"--theta", "1,2,4"}, {"--search", "raster"}}),
@@ -294,6 +355,39 @@ INSTANTIATE_TEST_SUITE_P(
             "AverageToUnknownFormat",
             average({"--sun-disc", "0.5", "--output", "a.nc"}),
             {"--output", "a.nc", ".csv"}}),
+    name_of);
+
+INSTANTIATE_TEST_SUITE_P(
+    Cloth, BadInput,
+    testing::Values(
+        Case{
+            "FabricUnknown",
+            {"fiber", "cloth", "--fabric", "velvte", "--directions", "-"},
+            {"--fabric", "velvte", "did you mean velvet?"}},
+        Case{
+            "FabricFarFromAny",
+            {"fiber", "cloth", "--fabric", "chainmail", "--directions", "-"},
+            {"--fabric", "chainmail", "linen-plain"}},
+        Case{
+            "FabricFileNotThere",
+            {"fiber", "cloth", "--fabric", "/no/such.json", "--directions", "-"},
+            {"--fabric", "/no/such.json", "cannot be read"}},
+        Case{
+            "ClothVariantUnknown",
+            {"fiber", "cloth", "--fabric", "velvet", "--directions", "-", "--variant", "corrected"},
+            {"--variant", "corrected", "energy-true"}},
+        Case{
+            "ClothSamplesZero",
+            {"fiber", "cloth", "--fabric", "velvet", "--directions", "-", "--samples", "0"},
+            {"--samples", "\"0\"", "100000"}},
+        Case{
+            "DirectionsNotThere",
+            {"fiber", "cloth", "--fabric", "velvet", "--directions", "/no/such.json"},
+            {"--directions", "/no/such.json", "cannot be read"}},
+        Case{
+            "ThreadFileNotThere",
+            {"fiber", "thread", "--params", "/no/such.json", "--directions", "-"},
+            {"--params", "/no/such.json", "cannot be read"}}),
     name_of);
 
 } // namespace

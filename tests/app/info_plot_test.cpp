@@ -122,6 +122,48 @@ TEST(PlotVerb, DrawsWhatIsAskedFor) {
   EXPECT_THAT(text_of(folder.file("a.png")), StartsWith("\x89PNG"));
 }
 
+TEST(PlotVerb, DrawsWhatAFiberSendsAround) {
+  const TemporaryFolder folder;
+  for (const bool polar : {false, true}) {
+    const std::string picture = folder.file(polar ? "polar.svg" : "plain.svg");
+    std::vector<std::string> arguments{"plot",        "--azimuthal", "--sigma-a",
+                                       "0.2,0.3,0.5", "--output",    picture};
+    if (polar) arguments.emplace_back("--polar");
+    const Outcome outcome = run(arguments);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+    std::ifstream file(picture);
+    const std::string svg((std::istreambuf_iterator<char>(file)), {});
+    for (const char* const words : {"η = 1.55", "TT, σ = 0.3", "TRT, σ = 0.5", "150"})
+      EXPECT_THAT(svg, HasSubstr(words));
+    EXPECT_EQ(svg.find("nan"), std::string::npos);
+  }
+}
+
+TEST(PlotVerb, RefusesAzimuthalFiguresOfNothing) {
+  const TemporaryFolder folder;
+  const std::string picture = folder.file("a.png");
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{"--azimuthal", "--eta", "1"}, "--eta"},
+      {{"--azimuthal", "--sigma-a", "0.2,-1,0"}, "--sigma-a"},
+      {{"--azimuthal", "--sigma-a", "0.2,0.3"}, "--sigma-a"},
+      {{"--azimuthal", "--theta-d", "90deg"}, "--theta-d"},
+      {{"--azimuthal", "--fiber-orders", "0..8"}, "--fiber-orders"},
+      {{"--azimuthal", "--average", "0.01deg"}, "--average"},
+      {{"--azimuthal", "--lee"}, "--azimuthal"},
+      {{"--azimuthal", "table.nc"}, "FILE"},
+      {{"--polar"}, "--polar: belongs to an azimuthal figure"},
+  };
+  for (const auto& [arguments, says] : cases) {
+    std::vector<std::string> all{"plot", "--output", picture};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Outcome outcome = run(all);
+    EXPECT_EQ(outcome.exit_code, 2) << says;
+    EXPECT_EQ(outcome.error_lines(), 1) << outcome.errors;
+    EXPECT_THAT(outcome.errors, HasSubstr(says));
+  }
+  EXPECT_TRUE(folder.names().empty());
+}
+
 TEST(PlotVerb, DrawsALeeDiagramThatThreadsDoNotChange) {
   const TemporaryFolder folder;
   for (const char* threads : {"1", "3"}) {

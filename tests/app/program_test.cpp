@@ -91,7 +91,19 @@ TEST(Phase, ExplainsWithoutComputing) {
        "0:180:0.05", "--phi", "0:360:0.5", "--explain"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
   EXPECT_THAT(outcome.output, HasSubstr("patches"));
-  EXPECT_EQ(std::ranges::count(outcome.output, '\n'), 1);
+  EXPECT_THAT(outcome.output, HasSubstr("predicted: error"));
+  EXPECT_EQ(std::ranges::count(outcome.output, '\n'), 2);
+}
+
+TEST(Phase, ChoosesByToleranceAndSaysWhatItCameTo) {
+  const Outcome outcome = run(
+      {"phase", "--radius", "0.5mm", "--wavelength", "650nm", "--theta", "130:150:0.5", "--phi", "0:180:45",
+       "--tolerance", "40%", "--explain", "--output", "none"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+  EXPECT_THAT(outcome.output, HasSubstr("considered for 40 %"));
+  EXPECT_THAT(outcome.output, HasSubstr("chosen"));
+  EXPECT_THAT(outcome.output, HasSubstr("predicted: error"));
+  EXPECT_THAT(outcome.output, HasSubstr("achieved: error"));
 }
 
 TEST(Phase, OutputNoneComputesAndWritesNothing) {

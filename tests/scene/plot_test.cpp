@@ -116,6 +116,15 @@ TEST(Plot, ValuesThatCannotBeDrawnLeaveAGap) {
   EXPECT_THAT(draw(plot, PictureFormat::svg), HasSubstr("angle (deg)"));
 }
 
+TEST(Plot, BothAxesMayBeLogarithmic) {
+  Plot plot{.title = "log-log", .x_label = "seconds", .y_label = "error", .log_x = true, .log_y = true};
+  plot.curves.push_back({.label = "marks", .x = {0.001, 0.1, 10}, .y = {30, 3, 0.3}, .points = true});
+  const std::string svg = draw(plot, PictureFormat::svg);
+  for (const char* tick : {">0.001<", ">0.1<", ">10<"}) EXPECT_THAT(svg, HasSubstr(tick));
+  plot.x_range = {{0, 10}};
+  EXPECT_THROW(static_cast<void>(draw(plot, PictureFormat::svg)), std::invalid_argument);
+}
+
 TEST(Plot, WrongRequestsAreRefused) {
   EXPECT_THROW(static_cast<void>(draw(Plot{}, PictureFormat::svg)), std::invalid_argument);
   Plot plot = example();
@@ -156,6 +165,55 @@ TEST(Plot, AFailingOrMissingGnuplotIsARunErrorAndLeavesNoFile) {
   write_plot(folder / "a.svg", example());
   EXPECT_TRUE(std::filesystem::exists(folder / "a.svg"));
   std::filesystem::remove_all(folder);
+}
+
+TEST(PolarPlot, GoesAroundWithItsAnglesAndLabels) {
+  PolarPlot plot;
+  plot.title = "around";
+  Curve curve;
+  curve.label = "lobe";
+  curve.colour = "#123456";
+  for (int degrees = -180; degrees <= 180; degrees += 5) {
+    curve.x.push_back(degrees);
+    curve.y.push_back(degrees < 0 ? 0.25 : 1);
+  }
+  plot.curves = {curve};
+  const std::string svg = draw(plot, PictureFormat::svg);
+  for (const char* const words : {"around", "lobe", "-150°", "90°", "180°"})
+    EXPECT_THAT(svg, testing::HasSubstr(words));
+  EXPECT_EQ(svg, draw(plot, PictureFormat::svg));
+  plot.curves[0].y[3] = -1;
+  EXPECT_THROW((void)draw(plot, PictureFormat::svg), std::invalid_argument);
+  plot.curves[0].y.assign(plot.curves[0].x.size(), 0.0);
+  EXPECT_THROW((void)draw(plot, PictureFormat::svg), std::invalid_argument);
+  plot.curves.clear();
+  EXPECT_THROW((void)draw(plot, PictureFormat::svg), std::invalid_argument);
+}
+
+TEST(HalfDiscPlot, HoldsItsPanelsRingsAndRays) {
+  HalfDiscPlot plot{.title = "lobes", .radius_label = "per steradian"};
+  for (const double scale : {1.0, 300.0}) {
+    Curve curve{.label = "round", .x = {-80, 0, 80}, .y = {0.5 * scale, 0.9 * scale, 0.5 * scale}};
+    plot.panels.push_back({.label = scale > 1 ? "bright" : "dim", .curves = {curve}, .mark = -30});
+  }
+  const std::string svg = draw(plot, PictureFormat::svg);
+  // Rings of 0.9 and of 270 at round values; the legend names a curve of both panels once.
+  for (const char* text :
+       {"lobes", "per steradian", "bright", "dim", ">0.2<", ">0.8<", ">100<", ">300<", "-60°"})
+    EXPECT_THAT(svg, HasSubstr(text));
+  EXPECT_EQ(svg.find("round"), svg.rfind("round"));
+  EXPECT_EQ(svg, draw(plot, PictureFormat::svg));
+
+  EXPECT_THROW(static_cast<void>(draw(HalfDiscPlot{}, PictureFormat::svg)), std::invalid_argument);
+  HalfDiscPlot crowded = plot;
+  crowded.panels.resize(40);
+  EXPECT_THROW(static_cast<void>(draw(crowded, PictureFormat::svg)), std::invalid_argument);
+  HalfDiscPlot uneven = plot;
+  uneven.panels[0].curves[0].x.pop_back();
+  EXPECT_THROW(static_cast<void>(draw(uneven, PictureFormat::svg)), std::invalid_argument);
+  HalfDiscPlot dark = plot;
+  for (auto& panel : dark.panels) panel.curves[0].y = {0, 0, 0};
+  EXPECT_THROW(static_cast<void>(draw(dark, PictureFormat::svg)), std::invalid_argument);
 }
 
 TEST(ColourImage, IsDrawnPixelByPixelWithItsAxes) {

@@ -11,6 +11,7 @@
 #include <iterator>
 #include <map>
 #include <regex>
+#include <set>
 #include <string>
 #include <tuple>
 
@@ -63,18 +64,25 @@ TEST_F(QuickReport, HoldsEveryCaseAndSaysThatItIsQuick) {
   EXPECT_THAT(*html, HasSubstr("A quick run."));
   std::vector<std::string> names;
   for (const auto& one : (*json)["cases"]) names.push_back(one["name"]);
-  EXPECT_THAT(names, ElementsAre("sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "exact"));
+  EXPECT_THAT(
+      names, ElementsAre(
+                 "sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "integral", "drops", "pareto",
+                 "hard-cases", "exact", "fiber-dual", "fiber-waves"));
   EXPECT_THAT(outcome->errors, IsEmpty());
 }
 
 TEST_F(QuickReport, PublishedBoundsHold) {
+  // Cases that are held to targets, too, which are shown whether they are met or not.
+  const std::set<std::string> with_targets{"integral"};
   std::size_t checks = 0;
   for (const auto& one : (*json)["cases"])
     for (const auto& check : one["checks"]) {
       ++checks;
       const double value = check["value"], bound = check["bound"];
       EXPECT_EQ(check["holds"].get<bool>(), value <= bound) << check;
-      EXPECT_LE(value, bound) << one["name"] << " " << check;
+      if (!with_targets.contains(one["name"])) {
+        EXPECT_LE(value, bound) << one["name"] << " " << check;
+      }
     }
   // 20 bows, 4 orders' energies, 3 maxima; of the exact theories: 7 constants, 10 maxima, 6 limits, 2 or 3
   // per body
@@ -141,6 +149,61 @@ TEST_F(QuickReport, ExactTheoriesAreHeldToTruthAtTheirHardCases) {
   EXPECT_LT(exact["seconds"].get<double>(), 60); // five alone; tests share the machine
 }
 
+TEST_F(QuickReport, IntegralIsHeldToTheoryOrderByOrderAndAsAWhole) {
+  const auto& integral = find("integral");
+  EXPECT_EQ(integral["bows"].size(), 4U);
+  for (const auto& bow : integral["bows"]) {
+    EXPECT_LT(bow["rms_over_peak"].get<double>(), bow["radius_m"].get<double>() < 0.2e-3 ? 0.01 : 0.003)
+        << bow;
+    EXPECT_GT(bow["rms_over_peak"].get<double>(), 1e-5) << bow;
+    EXPECT_GE(bow["max_over_peak"].get<double>(), bow["rms_over_peak"].get<double>()) << bow;
+  }
+  ASSERT_EQ(integral["orders"]["rows"].size(), 9U);
+  for (const auto& row : integral["orders"]["rows"])
+    EXPECT_LT(row["rms_over_whole"].get<double>(), 0.05) << row;
+  // Without a tuned constant it is an order of magnitude better than the filter in the primary bow.
+  std::map<std::tuple<double, std::string, int>, double> rms;
+  for (const auto& entry : integral["entries"])
+    if (entry["region_deg"][0] == 137)
+      rms[{entry["radius_m"], entry["way"], entry["last_order"]}] = entry["intensity_rms"];
+  for (const double radius : {0.1e-3, 0.4e-3}) {
+    const double found = rms.at({radius, "integral", 8});
+    EXPECT_LT(found, 0.2 * rms.at({radius, "patches and Gaussian filter, orders 0..3", 8})) << radius;
+    EXPECT_LT(found, rms.at({radius, "integral", 3})) << radius;
+    EXPECT_LT(found, 0.05) << radius;
+  }
+  EXPECT_TRUE(std::filesystem::exists(folder->file("report/integral-accuracy.csv")));
+}
+
+TEST_F(QuickReport, HardCasesOfDropsAreNamedOneByOne) {
+  const auto& rows = find("hard-cases")["rows"];
+  EXPECT_EQ(rows.size(), 20U);
+  std::set<std::string> names;
+  for (const auto& row : rows) {
+    names.insert(row["name"]);
+    EXPECT_FALSE(row["found"].get<std::string>().empty()) << row;
+  }
+  EXPECT_EQ(names.size(), rows.size());
+}
+
+TEST_F(QuickReport, ErrorAndTimeOfEveryMethodStandSideBySide) {
+  std::map<std::string, double> best;
+  for (const auto& row : find("pareto")["rows"]) {
+    EXPECT_GT(row["seconds"].get<double>(), 0) << row;
+    EXPECT_GT(row["intensity_rms"].get<double>(), 0) << row;
+    const auto [at, added] = best.emplace(row["method"], row["intensity_rms"]);
+    if (!added) at->second = std::min(at->second, row["intensity_rms"].get<double>());
+  }
+  EXPECT_EQ(best.size(), 4U);
+  // Lorenz-Mie errs by its table's step alone.
+  EXPECT_LT(best.at("Lorenz-Mie"), 0.01);
+  EXPECT_LT(best.at("integral"), best.at("patches and Gaussian filter"));
+}
+
+TEST_F(QuickReport, TheUmbilicFocusIsFound) {
+  EXPECT_NEAR(find("drops")["umbilic"]["D_over_H"].get<double>(), 1.310, 0.005);
+}
+
 TEST(BowPeaks, AreThoseOfAiryAndOfTheirTheory) {
   // Ai'(-z) = 0, Abramowitz & Stegun table 10.13.
   EXPECT_NEAR(validation::airy_maximum(1), 1.01879297, 1e-8);
@@ -203,7 +266,7 @@ TEST_F(QuickReport, PageIsWholeAndFetchesNothing) {
     EXPECT_EQ(page.find(what), std::string::npos) << what;
   std::size_t figures = 0;
   for (std::size_t at = page.find("<svg"); at != std::string::npos; at = page.find("<svg", at + 1)) ++figures;
-  EXPECT_EQ(figures, 6U);
+  EXPECT_EQ(figures, 16U);
   for (std::size_t at = page.find("href="); at != std::string::npos; at = page.find("href=", at + 1))
     EXPECT_EQ(page[at + 6], '#') << page.substr(at, 60);
   for (const char* const nonsense : {"nan", "inf "})
@@ -237,6 +300,7 @@ INSTANTIATE_TEST_SUITE_P(
     Options, Refused,
     testing::Values(
         std::tuple(Arguments{"--case", "cube"}, "sphere, figure-3.12"),
+        std::tuple(Arguments{"cube"}, "sphere, figure-3.12"),
         std::tuple(Arguments{"--radius", "1um"}, "0.005mm to 3mm"),
         std::tuple(Arguments{"--radius", "-1mm"}, "--radius"),
         std::tuple(Arguments{"--wavelengths", "150nm"}, "--wavelengths"),

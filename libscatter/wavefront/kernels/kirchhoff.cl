@@ -5,7 +5,7 @@
 // origin, has the momentum X = dr/drho . p there, p any point on it: the far field's phase falls by k X per rho. With
 // W(rho) = sum D rho^2 / 2, X' = X - D rho_d and A = det dX' / d(u, v),
 //   S(r) = -k^2 / (2 pi) exp(-i k W(rho)) sum w sqrt|A| E exp(i k (L + W(rho_d) - X' . (rho - rho_d))) i^-mu du dv,
-// E the energy-normalised Jones matrix over the fourth root of the metric, mu the focal lines to infinity less the
+// E the energy-normalised Jones matrix over the fourth root of the metric at r, mu the focal lines to infinity less the
 // negative eigenvalues of dX'/d(u, v)^T drho/d(u, v). Stationary phase gives back geometric optics wherever it holds, with
 // all its focal lines; about a fold of directions A does not vanish, and the sum is Airy's. On a sphere, with
 // theta and phi for coordinates, X is the angular momentum of the ray and the sum that of Debye's series over partial waves: it holds up to

@@ -1,0 +1,138 @@
+#pragma once
+
+#include <scatter/fiber/fiber_scattering.hpp>
+#include <scatter/fiber/hair.hpp>
+
+#include <memory>
+#include <span>
+
+/// Many fibres: dual scattering (Zinke et al. 2008; section 4.7 of the dissertation). Light that comes
+/// through n strands is attenuated and spread n times forward (global); around the strand that is looked at,
+/// all strands are parallel, and the light that turns back once or three times among them is summed up
+/// (local).
+namespace scatter::fiber {
+
+/// Sums over the paths that turn back once or three times among parallel strands.
+struct LadderSums {
+  double A_b = 0;     ///< energy that comes back
+  double Delta_b = 0; ///< its mean shift of theta_h [rad], to first order in a_b^2
+  double sigma_b = 0; ///< its standard deviation of theta_h [rad], 4 to 25 % above the sum over paths
+};
+
+/// One colour: energies that a strand sends on and back (a_f <= 1 - 1e-4 or it is clamped; a_b >= 0), mean
+/// shifts and widths [rad]. corrected: A_b ends in a_b^3 a_f^2 / (1 - a_f^2)^3, Delta_b has 1 + 2 a_b^2 / ..,
+/// sigma_b as Zinke et al. have it. printed: (4.27), (4.28), (4.29) to the letter, with d_b = 0.7.
+[[nodiscard]] LadderSums ladder_sums(
+    double a_f, double a_b, double alpha_f, double alpha_b, double beta_f, double beta_b,
+    Variant variant = Variant::corrected);
+
+/// What an assembly of parallel fibres does to light from theta_i, per colour; angles in radians.
+struct AssemblyAverages {
+  Rgb a_f{}, a_b{};         ///< energy on and back: weights |phi|/pi and 1 - |phi|/pi; a_f <= 1 - 1e-4
+  Rgb alpha_f{}, alpha_b{}; ///< mean shifts
+  Rgb beta_f{}, beta_b{};   ///< mean widths (standard deviations)
+  Rgb A_b{}, Delta_b{}, sigma_b{};
+};
+
+/// Of any fibre, |theta_i| < pi/2, from its lobe_energies(), with their accuracy: for HairScattering 1e-10.
+/// The variant is that of the ladder sums; that of the lobes is the fibre's own. Where no energy goes, shifts
+/// and widths are plain means over the lobes. Throws InputError for theta_i out of bounds.
+[[nodiscard]] AssemblyAverages
+assembly_averages(const FiberScattering& fiber, double theta_i, Variant variant = Variant::corrected);
+
+/// The averages over all theta_i, for rendering: six-point interpolation between equidistant nodes. Beyond
+/// the outermost nodes, 0.1 deg from the axis, their values hold.
+class AssemblyTable {
+public:
+  /// nodes: 12 or more, InputError otherwise.
+  explicit AssemblyTable(
+      const FiberScattering& fiber, Variant variant = Variant::corrected, std::size_t nodes = 181);
+  [[nodiscard]] AssemblyAverages operator()(double theta_i) const;
+  /// Bound of the errors of a_f, a_b and the shifts and widths [rad] up to |theta_i| = 80 deg: six times what
+  /// was found at 24 places half way between nodes. For hair at the standard widths and 181 nodes below 1e-6.
+  [[nodiscard]] double error_estimate() const { return error_; }
+
+private:
+  static constexpr std::size_t per_node = 18;
+  [[nodiscard]] std::array<double, per_node> interpolate(double theta_i) const;
+
+  Variant variant_;
+  std::size_t nodes_;
+  double first_, step_;
+  std::vector<double> values_; ///< [node][a_f, a_b, alpha_f, alpha_b, beta_f, beta_b][colour]
+  double error_ = 0;
+};
+
+/// What lies between the light and a strand.
+struct Shadow {
+  double direct = 1;          ///< delta: share of the light that comes straight, 0..1
+  Rgb transmittance{1, 1, 1}; ///< product of a_f over the strands before, without density factors
+  Rgb variance{};             ///< sum of beta_f^2 [rad^2]
+};
+
+/// The artists' adjustments of multiple scattering (4.6.2); the defaults change nothing.
+struct MultipleAdjustments {
+  Rgb back_colour{1, 1, 1}, forward_colour{1, 1, 1};
+  double back_intensity = 1, forward_intensity = 1;
+  double back_shift = 0;    ///< alpha_Back [rad]: g(theta_h - Delta_b + alpha_Back, ..), as printed
+  double back_variance = 0; ///< beta_Back [rad^2], added to the variance; what is left of it is at least 1e-8
+};
+
+/// How much energy f_back carries. Both have the shape of g(.., theta_h - Delta_b) / cos^2 theta_d.
+enum class BackEnergy {
+  zinke,     ///< 2 A_b / pi: as Zinke et al. (2008) and the dissertation have it. Over the half circle of
+             ///< azimuths from which light is seen to come back, 4 A_b: g has its area over theta_h, half of
+             ///< theta_o's
+  conserved, ///< A_b / (2 pi): over that half circle A_b, what the ladder sums say comes back
+};
+
+struct DualScatteringOptions {
+  double d_f = 0.7, d_b = 0.7; ///< density factors, 0..1
+  /// printed: the pseudo-code of 4.7.2, with d_f twice and T_f - delta, which goes negative in lit hair.
+  Variant variant = Variant::corrected;
+  BackEnergy back_energy = BackEnergy::zinke;
+  MultipleAdjustments adjustments;
+  std::size_t nodes = 181; ///< of the table over theta_i
+};
+
+/// F(T, sigma_f^2, delta) of section 4.7.2.
+class DualScattering {
+public:
+  /// The parts of F cos theta_i, each per colour; times L_i d omega_i they are radiance. Add them up.
+  struct Parts {
+    Rgb single{};       ///< delta f_s
+    Rgb back{};         ///< delta d_b f_back
+    Rgb forward{};      ///< (1 - delta) d_f T sum of M^G N^G / cos^2 theta_d
+    Rgb forward_back{}; ///< (1 - delta) d_f T pi d_b f_back
+    [[nodiscard]] Rgb sum() const;
+  };
+
+  /// single: what is seen of direct light; multiple: what all averages and scattered light are made from
+  /// (4.6.3). Often the same object. Throws InputError for density factors outside 0..1.
+  DualScattering(
+      std::shared_ptr<const FiberScattering> single, std::shared_ptr<const LobedScattering> multiple,
+      const DualScatteringOptions& options = {});
+
+  /// Exact count: the inclinations [rad] of the light to each strand that its ray passes. direct = 1 without
+  /// strands and 0 with any.
+  [[nodiscard]] Shadow through(std::span<const double> theta_i) const;
+  /// The dissertation's estimate (4.23, 4.24): a shadow's opacity 0..1 stands for n = opacity *
+  /// strands_of_full_shadow strands, a real number, as inclined to the light as the one looked at; direct =
+  /// 1 - opacity. Throws InputError when a number is out of range.
+  [[nodiscard]] Shadow estimated(double theta_i, double opacity, double strands_of_full_shadow) const;
+
+  [[nodiscard]] Parts eval(const Angles& angles, const Shadow& shadow) const;
+  /// 2 A_b g(sigma_b^2 + variance, theta_h - Delta_b) / (pi cos^2 theta_d): Zinke's local multiple
+  /// scattering, with the adjustments; variance [rad^2] is 0 for direct light.
+  [[nodiscard]] Rgb back(const Angles& angles, const Rgb& variance) const;
+  [[nodiscard]] const AssemblyTable& table() const { return table_; }
+  [[nodiscard]] const DualScatteringOptions& options() const { return options_; }
+
+private:
+  std::shared_ptr<const FiberScattering> single_;
+  std::shared_ptr<const LobedScattering> multiple_;
+  DualScatteringOptions options_;
+  AssemblyTable table_;
+};
+
+} // namespace scatter::fiber

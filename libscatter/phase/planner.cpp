@@ -1,0 +1,175 @@
+#include <scatter/optics/errors.hpp>
+#include <scatter/optics/units.hpp>
+#include <scatter/phase/planner.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <set>
+#include <thread>
+
+namespace scatter::phase {
+namespace {
+
+/// Core seconds, measured with `scripts/bench` and `scatter validate --case pareto`.
+namespace cost {
+constexpr double job = 0.3;       ///< device, kernels, tables
+constexpr double ray = 15e-9;     ///< per ray and order, with its patch
+constexpr double hit = 30e-9;     ///< per direction and order
+constexpr double window = 0.25;   ///< of the integral, at x = 5000
+constexpr double estimate = 4e-8; ///< of the error: per unit of x, order and 100 angles
+} // namespace cost
+
+/// Columns that are computed: mirror images and what is axisymmetric share one.
+double distinct_columns(const Request& request) {
+  if (request.shape.is_sphere() || request.sun_elevation_deg == 90) return 1;
+  std::set<double> folded;
+  for (const double phi : request.phi_deg) folded.insert(std::abs(std::remainder(phi, 360)));
+  return static_cast<double>(folded.size());
+}
+
+/// Windows of 12 deg that the integral takes for one order, bows and grazing rays being in about a third of
+/// all directions.
+double windows(const Request& request, double columns) {
+  const double first = request.theta_deg.front(), last = request.theta_deg.back();
+  const double across =
+      columns == 1 ? 1 : 15 * std::sin(0.5 * (first + last) * radians_per_degree) + 1; // half a turn
+  return std::max(1.0, ((last - first) / 12 + 1) / (last - first > 60 ? 3 : 1.5)) * across;
+}
+
+std::string orders_text(const std::vector<int>& orders) {
+  return orders.size() > 1 && orders.back() - orders.front() + 1 == static_cast<int>(orders.size())
+             ? fmt::format("{}..{}", orders.front(), orders.back())
+             : fmt::format("{}", fmt::join(orders, ","));
+}
+
+std::string settings_text(const Request& request) {
+  const char* filter = request.diffraction == Diffraction::integral   ? "integral"
+                       : request.diffraction == Diffraction::gaussian ? "gaussian"
+                                                                      : "none";
+  return fmt::format(
+      "--diffraction {} --orders {} --rays {}", filter, orders_text(request.orders), request.rays);
+}
+
+} // namespace
+
+Prediction predict(const Request& request, const ErrorModel& errors) {
+  const double columns = distinct_columns(request), rows = static_cast<double>(request.theta_deg.size());
+  const double orders = request.orders.back() + 1,
+               wavelengths = static_cast<double>(request.wavelength_m.size());
+  const double mean_m =
+      std::accumulate(request.wavelength_m.begin(), request.wavelength_m.end(), 0.0) / wavelengths;
+  const double x = 2 * pi * request.shape.radius_m / mean_m;
+  const double half = request.sun_elevation_deg == 90 || request.shape.is_sphere() ? 0.1 : 0.5;
+  double each = cost::ray * half * request.rays * request.rays * orders +
+                cost::hit * rows * columns * static_cast<double>(request.orders.size());
+  if (request.diffraction == Diffraction::integral)
+    each += cost::window * (x / 5000) * (columns == 1 ? 0.2 : 1) * windows(request, columns) *
+            static_cast<double>(request.orders.size());
+  const double judged = std::min(wavelengths, 3.0) * cost::estimate * x * orders * rows / 100;
+  const unsigned all = std::max(1U, std::thread::hardware_concurrency());
+  const double cores = request.threads > 0 ? std::min<double>(request.threads, all) : all;
+  Prediction made;
+  made.seconds = cost::job + (each * wavelengths + judged) / cores;
+  made.error = root_mean_square(errors.estimate(request.diffraction, request.rays, request.orders));
+  return made;
+}
+
+namespace {
+
+struct Candidate {
+  Request request;
+  Prediction expected;
+};
+
+/// All open settings with orders up to the highest, cheapest first.
+std::vector<Candidate>
+candidates(const Request& request, double wavelength_m, std::complex<double> index, int highest) {
+  const ErrorModel errors(
+      request, wavelength_m, index, request.open.orders ? highest : request.orders.back());
+  std::vector<Diffraction> filters{request.diffraction};
+  if (request.open.diffraction) {
+    filters = {Diffraction::gaussian};
+    if (request.interference && request.focal_lines == FocalLines::exact)
+      filters.push_back(Diffraction::integral);
+  }
+  std::vector<std::vector<int>> selections{request.orders};
+  if (request.open.orders) {
+    selections.clear();
+    for (const int last : {1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30}) {
+      if (last > highest) break;
+      std::vector<int>& orders = selections.emplace_back(last + 1);
+      std::iota(orders.begin(), orders.end(), 0);
+    }
+  }
+  std::vector<int> grids{request.rays};
+  if (request.open.rays) grids = {300, 500, 1000, 2000, 4000};
+  std::vector<Candidate> all;
+  for (const Diffraction filter : filters)
+    for (const auto& orders : selections) {
+      // One filter serves all orders: as wide as the highest needs, it blurs the bows of the low ones.
+      if (filter == Diffraction::gaussian && orders.back() > 3 && request.open.diffraction) continue;
+      for (const int rays : grids) {
+        Candidate c{request, {}};
+        c.request.diffraction = filter;
+        c.request.orders = orders;
+        c.request.rays = rays;
+        c.expected = predict(c.request, errors);
+        all.push_back(std::move(c));
+      }
+    }
+  std::ranges::stable_sort(
+      all, {}, [](const Candidate& c) { return std::pair(c.expected.seconds, c.expected.error); });
+  return all;
+}
+
+const Candidate& most_accurate(const std::vector<Candidate>& all, std::optional<Diffraction> filter = {}) {
+  return *std::ranges::min_element(all, {}, [&](const Candidate& c) {
+    return filter && c.request.diffraction != *filter ? 1e300 : c.expected.error;
+  });
+}
+
+} // namespace
+
+Choice choose_settings(const Request& request, double wavelength_m, std::complex<double> index) {
+  std::vector<Candidate> all;
+  auto found = all.end();
+  // Few orders first: to judge many takes seconds.
+  for (const int highest : {8, 30}) {
+    all = candidates(request, wavelength_m, index, highest);
+    found =
+        std::ranges::find_if(all, [&](const Candidate& c) { return c.expected.error <= request.tolerance; });
+    if (found != all.end() || !request.open.orders) break;
+  }
+  if (found == all.end()) {
+    const Candidate& best = most_accurate(all);
+    throw InputError(fmt::format(
+        "--tolerance: {:.3g} % is out of reach for these directions; the best is {:.2g} % with {}: ask for "
+        "that, "
+        "or leave out directions near 0 and 180deg",
+        100 * request.tolerance, 100 * best.expected.error, settings_text(best.request)));
+  }
+  Choice choice{found->request, found->expected, {}};
+  std::string& text = choice.explanation;
+  const auto line = [&](const Candidate& c, const char* verdict) {
+    text += fmt::format(
+        "{:9.3g} % {:9.3g} s  {}: {}\n", 100 * c.expected.error, c.expected.seconds, settings_text(c.request),
+        verdict);
+  };
+  text += fmt::format(
+      "considered for {:.3g} %: predicted error (root mean square over theta) and time\n",
+      100 * request.tolerance);
+  for (const Diffraction filter : {Diffraction::none, Diffraction::gaussian, Diffraction::integral})
+    if (const Candidate& best = most_accurate(all, filter);
+        filter != found->request.diffraction && best.request.diffraction == filter)
+      line(best, "the most accurate of its kind");
+  if (found != all.begin()) line(*std::prev(found), "the next cheaper, not good enough");
+  line(*found, "chosen, the cheapest that is good enough");
+  text.pop_back();
+  return choice;
+}
+
+} // namespace scatter::phase

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <scatter/phase/accuracy.hpp>
+
+#include <string>
+
+/// The cheapest settings that reach a tolerance.
+namespace scatter::phase {
+
+/// What a choice of settings is expected to cost.
+struct Prediction {
+  double error = 0;   ///< as Request::tolerance
+  double seconds = 0; ///< wall time of the whole request
+};
+
+/// Predicts a request for rays from its settings as they stand. The error is that of the middle wavelength;
+/// see ErrorModel. The time is a count of rays, patches, directions and windows times what each took where it
+/// was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of about 2 there.
+[[nodiscard]] Prediction predict(const Request& request, const ErrorModel& errors);
+
+/// What was chosen, and why.
+struct Choice {
+  Request request; ///< tolerance met, open settings chosen
+  Prediction expected;
+  std::string explanation; ///< lines of text: what was considered, with error and time
+};
+
+/// For a drop that needs rays: the cheapest of filters, orders 0..last and numbers of rays whose predicted
+/// error is within request.tolerance. Throws InputError with the best that is possible when none is, saying
+/// how it is reached.
+[[nodiscard]] Choice choose_settings(const Request& request, double wavelength_m, std::complex<double> index);
+
+} // namespace scatter::phase

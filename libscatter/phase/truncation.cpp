@@ -1,0 +1,87 @@
+#include <scatter/exact/debye.hpp>
+#include <scatter/phase/truncation.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace scatter::phase {
+namespace {
+
+constexpr double largest_size = 2e4;
+constexpr int highest_order = 60;
+constexpr double centre_step_deg = 0.125;
+constexpr double half_window_deg = 2;
+
+std::vector<double> centres(std::span<const double> theta_deg, double reach_deg) {
+  const auto first = static_cast<int>(std::floor((theta_deg.front() - reach_deg) / centre_step_deg));
+  const auto last = static_cast<int>(std::ceil((theta_deg.back() + reach_deg) / centre_step_deg));
+  std::vector<double> centres_deg;
+  for (int i = std::max(first, 0); i <= std::min(last, static_cast<int>(180 / centre_step_deg)); ++i)
+    centres_deg.push_back(i * centre_step_deg);
+  return centres_deg;
+}
+
+std::vector<double> mean_intensity(
+    const exact::SunDisc& disc, const std::vector<std::complex<double>>& S1,
+    const std::vector<std::complex<double>>& S2) {
+  std::vector<double> intensity(S1.size()), means(disc.size());
+  for (std::size_t i = 0; i < S1.size(); ++i) intensity[i] = std::norm(S1[i]) + std::norm(S2[i]);
+  for (std::size_t c = 0; c < means.size(); ++c) means[c] = disc.mean(c, intensity);
+  return means;
+}
+
+} // namespace
+
+Truncation::Truncation(
+    double size_parameter, std::complex<double> index, std::span<const double> theta_deg, int last_order,
+    double shift_deg, int threads)
+    : theta_deg_(theta_deg.begin(), theta_deg.end()),
+      centres_deg_(centres(theta_deg, half_window_deg + shift_deg)), shift_deg_(shift_deg),
+      disc_(
+          centres_deg_, exact::sun_diameter_deg,
+          exact::SunDisc::level_for(std::min(size_parameter, largest_size))) {
+  std::vector<int> all(std::min(last_order, highest_order) + 1);
+  std::iota(all.begin(), all.end(), 0);
+  auto series =
+      exact::debye_at_degrees(std::min(size_parameter, largest_size), index, all, disc_.grid_deg(), threads);
+  for (auto& order : series.orders) orders_.push_back({std::move(order.S1), std::move(order.S2)});
+  whole_ = mean_intensity(disc_, series.whole.S1, series.whole.S2);
+}
+
+std::vector<double> Truncation::error(std::span<const int> orders) const {
+  const std::size_t size = disc_.grid_deg().size();
+  std::vector<std::complex<double>> S1(size), S2(size);
+  for (const int p : orders) {
+    if (static_cast<std::size_t>(p) >= orders_.size()) continue;
+    for (std::size_t i = 0; i < size; ++i) {
+      S1[i] += orders_[p].S1[i];
+      S2[i] += orders_[p].S2[i];
+    }
+  }
+  const std::vector<double> means = mean_intensity(disc_, S1, S2);
+  std::vector<double> up_to(means.size() + 1, 0.0); // of the squares
+  for (std::size_t c = 0; c < means.size(); ++c) {
+    const double relative = means[c] / whole_[c] - 1;
+    up_to[c + 1] = up_to[c] + relative * relative;
+  }
+  const auto at = [&](double theta) { // the nearest centre
+    const double c = (theta - centres_deg_.front()) / centre_step_deg;
+    return std::clamp<std::ptrdiff_t>(std::lround(c), 0, static_cast<std::ptrdiff_t>(means.size()) - 1);
+  };
+  const auto local = [&](std::ptrdiff_t centre) {
+    const auto reach = static_cast<std::ptrdiff_t>(half_window_deg / centre_step_deg);
+    const auto first = std::max<std::ptrdiff_t>(centre - reach, 0);
+    const auto end = std::min<std::ptrdiff_t>(centre + reach + 1, static_cast<std::ptrdiff_t>(means.size()));
+    return std::sqrt(std::max(up_to[end] - up_to[first], 0.0) / static_cast<double>(end - first));
+  };
+  std::vector<double> errors;
+  for (const double theta : theta_deg_) {
+    double worst = 0;
+    for (auto c = at(theta - shift_deg_); c <= at(theta + shift_deg_); ++c) worst = std::max(worst, local(c));
+    errors.push_back(worst);
+  }
+  return errors;
+}
+
+} // namespace scatter::phase

@@ -1,0 +1,327 @@
+// Assemblies: averages against brute force, ladder sums against the paths they stand for, dual scattering's
+// parts.
+#include <scatter/fiber/artist_hair.hpp>
+#include <scatter/fiber/assembly.hpp>
+#include <scatter/optics/errors.hpp>
+#include <scatter/optics/units.hpp>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+#include <fstream>
+#include <map>
+
+namespace {
+
+using namespace scatter::fiber;
+using scatter::InputError;
+using scatter::pi;
+
+TEST(Assembly, AveragesAgreeWithBruteForce) {
+  std::ifstream file(SCATTER_HAIR_TRUTH);
+  const auto truth = nlohmann::json::parse(file).at("assembly");
+  ASSERT_EQ(truth.size(), 48U);
+  std::map<std::string, std::shared_ptr<const HairScattering>> made;
+  for (const auto& row : truth) {
+    HairParameters parameters;
+    parameters.eta = row.at("eta");
+    const double sigma_a = row.at("sigma_a");
+    parameters.sigma_a = {sigma_a, sigma_a, sigma_a};
+    parameters.shift = row.at("shift");
+    parameters.width = row.at("width");
+    parameters.residual = row.at("lobes") == 4;
+    auto& hair = made[row.at("eta").dump() + row.at("sigma_a").dump() + row.at("lobes").dump()];
+    if (!hair) hair = std::make_shared<const HairScattering>(parameters);
+    const AssemblyAverages found = assembly_averages(*hair, row.at("theta_i"));
+    const std::pair<const char*, double> values[] = {
+        {"a_f", found.a_f[1]},         {"a_b", found.a_b[1]},         {"alpha_f", found.alpha_f[1]},
+        {"alpha_b", found.alpha_b[1]}, {"beta_f", found.beta_f[1]},   {"beta_b", found.beta_b[1]},
+        {"A_b", found.A_b[1]},         {"Delta_b", found.Delta_b[1]}, {"sigma_b", found.sigma_b[1]}};
+    for (const auto& [name, value] : values) {
+      const double expected = row.at(name);
+      // 1e-9 of averages; the sums divide by (1 - a_f^2)^3.
+      const double a_f = row.at("a_f");
+      const bool sum = std::string(name).ends_with("_b") && std::isupper(name[0]);
+      const double bound = sum ? 1e-9 / std::pow(1 - a_f * a_f, 4) : 1e-9;
+      EXPECT_NEAR(value, expected, bound) << name << " of " << row.dump();
+    }
+  }
+}
+
+/// Explicit sums over the paths of light that turns back once, and three times, among strands in a row; every
+/// passage multiplies by a_f and shifts by alpha_f, every turn by a_b and alpha_b.
+struct Paths {
+  double once = 0, thrice = 0, shift_once = 0, shift_thrice = 0, deviation = 0;
+};
+Paths walk(double a_f, double a_b, double alpha_f, double alpha_b, double beta_f, double beta_b) {
+  Paths paths;
+  const auto visit = [&](int passages, int turns, double& energy, double& shift) {
+    const double weight = std::pow(a_f, passages) * std::pow(a_b, turns);
+    energy += weight;
+    shift += weight * (passages * alpha_f + turns * alpha_b);
+    paths.deviation += weight * std::sqrt(passages * beta_f * beta_f + turns * beta_b * beta_b);
+  };
+  const int deep = static_cast<int>(std::log(1e-18) / std::log(a_f * a_f)) + 2;
+  // Forward through i strands, back through as many.
+  for (int i = 1; i <= deep; ++i) visit(2 * i, 1, paths.once, paths.shift_once);
+  // Forward i, back i - 1 - j to strand j, forward again, and out over k > j strands.
+  for (int i = 1; i <= deep; ++i)
+    for (int j = 0; j < i; ++j)
+      for (int k = j + 1; k <= deep; ++k) visit(2 * (i - j - 1 + k), 3, paths.thrice, paths.shift_thrice);
+  return paths;
+}
+
+TEST(Assembly, LadderSumsAreSumsOverPaths) {
+  const double alpha_f = 0.03, alpha_b = -0.08, beta_f = 0.07, beta_b = 0.15;
+  for (const double a_f : {0.3, 0.6, 0.85})
+    for (const double a_b : {1e-3, 0.05, 0.12}) {
+      const Paths paths = walk(a_f, a_b, alpha_f, alpha_b, beta_f, beta_b);
+      const LadderSums sums = ladder_sums(a_f, a_b, alpha_f, alpha_b, beta_f, beta_b);
+      EXPECT_NEAR(sums.A_b, paths.once + paths.thrice, 1e-12 * sums.A_b) << a_f << " " << a_b;
+      const LadderSums printed = ladder_sums(a_f, a_b, alpha_f, alpha_b, beta_f, beta_b, Variant::printed);
+      const double exact = (paths.shift_once + paths.shift_thrice) / (paths.once + paths.thrice);
+      // To first order in r = (energy of three turns) / (energy of one): what remains is of order r^2.
+      const double r = paths.thrice / paths.once;
+      const double change = paths.shift_thrice / paths.thrice - paths.shift_once / paths.once;
+      EXPECT_NEAR(sums.Delta_b, exact, 1.01 * r * r * std::abs(change) + 1e-12) << a_f << " " << a_b;
+      // The sign that is printed is not that of the path sum, to first order.
+      if (a_b == 0.05) {
+        EXPECT_GT(std::abs(printed.Delta_b - exact), 5 * std::abs(sums.Delta_b - exact));
+      }
+    }
+}
+
+TEST(Assembly, SpreadIsAnApproximationOfThePathSum) {
+  // sigma_b has 1 + 0.7 a_f^2 in place of sums of square roots: here 4 to 15 % too much.
+  const double beta_f = 0.09, beta_b = 0.16;
+  for (const double a_f : {0.3, 0.6, 0.8})
+    for (const double a_b : {0.05, 0.1}) {
+      const Paths paths = walk(a_f, a_b, 0, 0, beta_f, beta_b);
+      const double exact = paths.deviation / (paths.once + paths.thrice);
+      const double found = ladder_sums(a_f, a_b, 0, 0, beta_f, beta_b).sigma_b;
+      EXPECT_GT(found, 1.03 * exact);
+      EXPECT_LT(found, 1.15 * exact);
+    }
+  // Dimensions: twice the widths is twice the spread. The printed denominator breaks that.
+  const double one = ladder_sums(0.7, 0.2, 0, 0, 0.1, 0.2).sigma_b,
+               two = ladder_sums(0.7, 0.2, 0, 0, 0.2, 0.4).sigma_b;
+  EXPECT_NEAR(two, 2 * one, 1e-15);
+  EXPECT_GT(
+      std::abs(
+          ladder_sums(0.7, 0.2, 0, 0, 0.2, 0.4, Variant::printed).sigma_b -
+          2 * ladder_sums(0.7, 0.2, 0, 0, 0.1, 0.2, Variant::printed).sigma_b),
+      1e-4);
+}
+
+TEST(Assembly, PrintedVariantIsToTheLetter) {
+  const double a_f = 0.7, a_b = 0.2, alpha_f = 0.03, alpha_b = -0.05, beta_f = 0.08, beta_b = 0.14;
+  const double x = a_f * a_f;
+  const LadderSums printed = ladder_sums(a_f, a_b, alpha_f, alpha_b, beta_f, beta_b, Variant::printed);
+  EXPECT_NEAR(printed.A_b, a_b * x / (1 - x) + a_b * a_b * a_b * x / ((1 - x) * (1 - x)), 1e-15);
+  EXPECT_NEAR(
+      printed.Delta_b,
+      alpha_b * (1 - 2 * a_b * a_b / ((1 - x) * (1 - x))) +
+          alpha_f * ((2 * (1 - x) * (1 - x) + 4 * x * a_b * a_b) / std::pow(1 - x, 3)),
+      1e-15);
+  const double root = std::sqrt(2 * beta_f * beta_f + beta_b * beta_b), a_b3 = a_b * a_b * a_b;
+  EXPECT_NEAR(
+      printed.sigma_b, (1 + 0.7 * x) * (a_b * root + a_b3 * root) / (a_b + a_b3 * (2 * beta_f + 3 * beta_b)),
+      1e-15);
+}
+
+TEST(Assembly, NothingIsDividedByNothing) {
+  for (const Variant variant : {Variant::corrected, Variant::printed})
+    for (const double a_f : {0.0, 1.0, 3.0})
+      for (const double a_b : {0.0, 0.5}) {
+        const LadderSums sums = ladder_sums(a_f, a_b, 0.1, 0.1, 0.1, 0.1, variant);
+        EXPECT_TRUE(std::isfinite(sums.A_b) && std::isfinite(sums.Delta_b) && std::isfinite(sums.sigma_b));
+      }
+  // Hair that absorbs all but its reflection, and white hair that the print makes gain energy.
+  HairParameters parameters;
+  parameters.sigma_a = {1e5, 0, 0};
+  for (const Variant variant : {Variant::corrected, Variant::printed}) {
+    parameters.variant = variant;
+    const HairScattering hair(parameters);
+    for (const double degrees : {-89.9, -45.0, 0.0, 89.999}) {
+      const AssemblyAverages found = assembly_averages(hair, degrees * scatter::radians_per_degree, variant);
+      for (const Rgb* part :
+           {&found.a_f, &found.a_b, &found.alpha_f, &found.alpha_b, &found.beta_f, &found.beta_b, &found.A_b,
+            &found.Delta_b, &found.sigma_b})
+        for (const double value : *part) EXPECT_TRUE(std::isfinite(value)) << degrees;
+      EXPECT_LE(found.a_f[1], 1 - 1e-4);
+    }
+    EXPECT_THROW((void)assembly_averages(hair, pi / 2), InputError);
+    EXPECT_THROW((void)assembly_averages(hair, std::nan("")), InputError);
+  }
+}
+
+TEST(Assembly, TableKeepsItsError) {
+  const HairScattering hair{HairParameters{}};
+  const AssemblyTable table(hair);
+  EXPECT_LT(table.error_estimate(), 1e-6);
+  double worst = 0;
+  for (int i = 0; i < 37; ++i) {
+    const double theta_i = (-79.3 + 158.6 * i / 36) * scatter::radians_per_degree;
+    const AssemblyAverages found = table(theta_i), exact = assembly_averages(hair, theta_i);
+    for (std::size_t c = 0; c < 3; ++c)
+      for (const auto part :
+           {&AssemblyAverages::a_f, &AssemblyAverages::a_b, &AssemblyAverages::alpha_f,
+            &AssemblyAverages::alpha_b, &AssemblyAverages::beta_f, &AssemblyAverages::beta_b})
+        worst = std::max(worst, std::abs((found.*part)[c] - (exact.*part)[c]));
+  }
+  EXPECT_LT(worst, table.error_estimate());
+  EXPECT_GT(worst, 1e-3 * table.error_estimate());
+  EXPECT_THROW(AssemblyTable(hair, Variant::corrected, 5), InputError);
+}
+
+/// R alone: a mirror around a fibre. The general averages need no lobes.
+TEST(Assembly, AnyFibreHasAverages) {
+  struct Mirror : FiberScattering {
+    using FiberScattering::eval;
+    [[nodiscard]] Rgb eval(const Angles& angles) const override {
+      const double c = std::cos(std::clamp(angles.theta_d(), -largest_theta_d, largest_theta_d));
+      const double value = LongitudinalKernel(0.05, 0.1, Norm::area_over_theta_o)(angles.theta_h()) *
+                           std::cos(0.5 * angles.phi) / (4 * c * c);
+      return {value, 0.5 * value, 0};
+    }
+    [[nodiscard]] double pdf(const Angles&) const override { return 0; }
+    [[nodiscard]] ScatteringSample sample(double, const std::array<double, 3>&) const override { return {}; }
+  };
+  const AssemblyAverages found = assembly_averages(Mirror{}, 0.2);
+  // Of cos(phi/2)/4: forward 1 - 2/pi, backward 2/pi.
+  EXPECT_NEAR(found.a_f[0] / (found.a_f[0] + found.a_b[0]), 1 - 2 / pi, 1e-9);
+  EXPECT_NEAR(found.a_f[1], 0.5 * found.a_f[0], 1e-12);
+  EXPECT_EQ(found.a_f[2], 0);
+  EXPECT_NEAR(found.alpha_f[0], 0.05, 5e-3); // cos^2 theta_o moves it a little
+  EXPECT_NEAR(found.beta_f[0], 0.1, 5e-3);
+  EXPECT_TRUE(std::isfinite(found.sigma_b[2]));
+}
+
+TEST(DualScattering, CountsStrandsBothWays) {
+  const auto hair = std::make_shared<const HairScattering>(HairParameters{});
+  const DualScattering dual(hair, hair);
+  const double theta_i = 0.3;
+  const AssemblyAverages averages = dual.table()(theta_i);
+  const std::vector<double> strands(4, theta_i);
+  const Shadow exact = dual.through(strands), estimated = dual.estimated(theta_i, 1, 4);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(exact.transmittance[c], std::pow(averages.a_f[c], 4), 1e-14);
+    EXPECT_NEAR(exact.variance[c], 4 * averages.beta_f[c] * averages.beta_f[c], 1e-15);
+    EXPECT_NEAR(estimated.transmittance[c], exact.transmittance[c], 1e-14);
+    EXPECT_NEAR(estimated.variance[c], exact.variance[c], 1e-15);
+    EXPECT_NEAR(dual.estimated(theta_i, 0.25, 10).transmittance[c], std::pow(averages.a_f[c], 2.5), 1e-14);
+  }
+  EXPECT_EQ(exact.direct, 0);
+  EXPECT_EQ(dual.estimated(theta_i, 0.25, 10).direct, 0.75);
+  EXPECT_EQ(dual.through({}).direct, 1);
+  EXPECT_THROW((void)dual.estimated(0, 1.1, 4), InputError);
+  EXPECT_THROW((void)dual.estimated(0, 0.5, -1), InputError);
+  DualScatteringOptions options;
+  options.d_f = 1.5;
+  EXPECT_THROW(DualScattering(hair, hair, options), InputError);
+}
+
+TEST(DualScattering, PartsAreTheFormulas) {
+  const auto hair = std::make_shared<const HairScattering>(HairParameters{});
+  const DualScattering dual(hair, hair);
+  const Angles at{0.4, -0.2, 1.1};
+  Shadow shadow = dual.estimated(at.theta_i, 0.4, 6);
+  const auto parts = dual.eval(at, shadow);
+  const AssemblyAverages averages = dual.table()(at.theta_i);
+  const double cosine = std::cos(at.theta_i), theta_h = at.theta_h(), theta_d = at.theta_d();
+  const double over = 1 / (std::cos(theta_d) * std::cos(theta_d));
+  const RaySection sections[3] = {{1.55, 0.2}, {1.55, 0.3}, {1.55, 0.5}};
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(parts.single[c], 0.6 * hair->eval(at)[c] * cosine, 1e-14);
+    const auto back = [&](double variance) {
+      const double V = averages.sigma_b[c] * averages.sigma_b[c] + variance;
+      return 2 * averages.A_b[c] * gaussian(V, theta_h - averages.Delta_b[c]) / pi * over;
+    };
+    EXPECT_NEAR(parts.back[c], 0.6 * 0.7 * back(0) * cosine, 1e-14);
+    const double T = shadow.transmittance[c], variance = shadow.variance[c];
+    double scattered =
+        hair->kernel(3).spread(variance, theta_h) * hair->moments(3, c, theta_d).energy / (2 * pi);
+    for (int p = 0; p < 3; ++p) {
+      const double width = hair->kernel(p).width();
+      // N^G by the section's own energy between pi/2 and pi.
+      const double N = 2 / pi * sections[c].energy_between(p, theta_d, pi / 2, pi);
+      scattered += 0.5 * gaussian(width * width + variance, theta_h - hair->kernel(p).shift()) * N;
+    }
+    EXPECT_NEAR(parts.forward[c], 0.4 * 0.7 * T * scattered * over * cosine, 1e-10);
+    EXPECT_NEAR(parts.forward_back[c], 0.4 * 0.7 * T * pi * 0.7 * back(variance) * cosine, 1e-14);
+    EXPECT_NEAR(
+        parts.sum()[c], parts.single[c] + parts.back[c] + parts.forward[c] + parts.forward_back[c], 1e-16);
+  }
+  // As printed, lit hair darkens: d_f twice, and delta subtracted.
+  DualScatteringOptions options;
+  options.variant = Variant::printed;
+  const DualScattering printed(hair, hair, options);
+  shadow.direct = 1;
+  EXPECT_LT(printed.eval(at, shadow).forward[0], 0);
+  EXPECT_EQ(dual.eval(at, shadow).forward[0], 0);
+}
+
+TEST(DualScattering, AdjustmentsDoWhatTheySay) {
+  const auto hair = std::make_shared<const HairScattering>(HairParameters{});
+  const DualScattering plain(hair, hair);
+  DualScatteringOptions options;
+  options.adjustments.back_colour = {0.5, 1, 1};
+  options.adjustments.back_intensity = 2;
+  options.adjustments.forward_colour = {1, 1, 0};
+  options.adjustments.forward_intensity = 3;
+  const DualScattering adjusted(hair, hair, options);
+  const Angles at{0.1, 0.2, 0.5};
+  const Shadow shadow = plain.estimated(0.1, 0.5, 4);
+  const auto before = plain.eval(at, shadow), after = adjusted.eval(at, shadow);
+  EXPECT_DOUBLE_EQ(after.back[0], before.back[0]);
+  EXPECT_DOUBLE_EQ(after.back[1], 2 * before.back[1]);
+  EXPECT_DOUBLE_EQ(after.forward[0], 3 * before.forward[0]);
+  EXPECT_EQ(after.forward[2], 0);
+  EXPECT_EQ(after.single, before.single);
+  options = {};
+  options.adjustments.back_shift = 0.1;
+  const DualScattering shifted(hair, hair, options);
+  // g(theta_h - Delta_b + alpha): the same value where theta_h is smaller by alpha, but for cos^2 theta_d.
+  const double c0 = std::cos(0.05), c1 = std::cos(0.05 - 0.1);
+  EXPECT_NEAR(
+      shifted.back({0.1, 0.0, 0}, {})[0] * c1 * c1, plain.back({0.1, 0.2, 0}, {})[0] * c0 * c0, 1e-12);
+  options = {};
+  options.back_energy = BackEnergy::conserved;
+  EXPECT_DOUBLE_EQ(DualScattering(hair, hair, options).back(at, {})[1], 0.25 * plain.back(at, {})[1]);
+  options = {};
+  options.adjustments.back_variance = -100; // never below a floor: finite
+  EXPECT_TRUE(std::isfinite(DualScattering(hair, hair, options).back({0.1, 0.2, 0}, {})[0]));
+}
+
+TEST(DualScattering, BackEnergyIsThatOfTheLadderSums) {
+  // Integral of f_back cos theta_o d omega over the half circle of azimuths, narrow enough that cosines
+  // are 1.
+  HairParameters parameters;
+  parameters.shift = 0;
+  parameters.width = 0.01;
+  const auto hair = std::make_shared<const HairScattering>(parameters);
+  DualScatteringOptions options;
+  options.nodes = 31;
+  const DualScattering zinke(hair, hair, options);
+  options.back_energy = BackEnergy::conserved;
+  const DualScattering conserved(hair, hair, options);
+  Rgb one{}, other{};
+  constexpr int steps = 4000;
+  for (int i = 0; i < steps; ++i) {
+    const double theta_o = pi * ((i + 0.5) / steps - 0.5),
+                 area = pi / steps * pi * std::cos(theta_o) * std::cos(theta_o);
+    const Rgb a = zinke.back({0, theta_o, 0}, {}), b = conserved.back({0, theta_o, 0}, {});
+    for (std::size_t c = 0; c < 3; ++c) {
+      one[c] += a[c] * area;
+      other[c] += b[c] * area;
+    }
+  }
+  const AssemblyAverages averages = conserved.table()(0);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(other[c], averages.A_b[c], 0.005 * averages.A_b[c]);
+    EXPECT_NEAR(one[c], 4 * averages.A_b[c], 0.02 * averages.A_b[c]);
+  }
+}
+
+} // namespace
