@@ -8,6 +8,12 @@ namespace scatter::wavefront {
 inline constexpr int edge_reach = 8; ///< EDGE_REACH in kernels/grazing.cl: the series hold for |tau| up to it
 inline constexpr int edge_terms = 48; ///< EDGE_TERMS
 
+/// Airy functions and their derivatives, real argument, |tau| <= 40. Relative accuracy 1e-12 away from zeros.
+struct Airy {
+  double Ai = 0, Bi = 0, Ai_slope = 0, Bi_slope = 0;
+};
+[[nodiscard]] Airy airy(double tau);
+
 struct AiryEdge {
   double log_g = 0; ///< g = 1 / (pi (Ai^2 + Bi^2))
   double phase =

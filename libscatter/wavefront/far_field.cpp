@@ -9,6 +9,7 @@
 #include <scatter/wavefront/order_energy.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 #include <scatter/wavefront/ray_program.hpp>
+#include <scatter/wavefront/shadow.hpp>
 
 #include <embedded/kernel_far_field.hpp>
 #include <embedded/kernel_mueller.hpp>
@@ -79,6 +80,7 @@ struct Tracer::Implementation : RayProgram {
     std::vector<cl::Buffer> sums, scratch; ///< per slice
     bool clean = false;                    ///< all sums are zero
     std::optional<CoarseRays> coarse;      ///< with the diffraction integral
+    std::optional<Shadow> shadow;          ///< order 0 with it
     std::vector<IntegralShare> shares;     ///< of the integral, per order
     cl::Buffer kept;                       ///< of patches: 1 less that
   };
@@ -451,7 +453,14 @@ struct Tracer::Implementation : RayProgram {
     const std::size_t size = static_cast<std::size_t>(run.rows()) * block.count();
     std::vector<float> kept(size * (last_order() + 1), 1.0F);
     pass.shares.assign(last_order() + 1, {});
-    for (int p = 0; p <= last_order(); ++p) {
+    if (order_wanted[0] != 0) {
+      if (!pass.shadow) pass.shadow.emplace(tracing.shape, tracing.sun_elevation_deg, light);
+      for (int column = 0; column < block.count(); ++column)
+        for (const double theta : run.layout.theta_deg)
+          pass.shares[0].push_back(static_cast<float>(pass.shadow->share(theta)));
+      for (std::size_t i = 0; i < size; ++i) kept[i] -= pass.shares[0][i];
+    }
+    for (int p = 1; p <= last_order(); ++p) {
       if (order_wanted[p] == 0) continue;
       pass.shares[p] = integral_share(*pass.coarse, light, tracing.shape.radius_m, p, run.layout, block, {});
       for (std::size_t i = 0; i < pass.shares[p].size(); ++i) kept[p * size + i] -= pass.shares[p][i];
@@ -464,14 +473,29 @@ struct Tracer::Implementation : RayProgram {
     if (blended)
       for (std::size_t w = 0; w < batch.size(); ++w)
         share_out(run, batch[w], block, order_wanted, run.passes[w]);
-    trace_patches(run, batch, block, order_wanted);
+    std::vector<int> by_patches = order_wanted;
+    if (blended && tracing.shape.is_convex()) by_patches[0] = 0; // all of it is the shadow's
+    trace_patches(run, batch, block, by_patches);
     if (!blended) return;
     const DirectionBuffers directions{block.sin_theta, block.cos_theta, block.cos_phi, block.sin_phi};
+    for (std::size_t w = 0; w < batch.size() && order_wanted[0] != 0; ++w)
+      shadow_order(run, block, run.passes[w]);
     for (std::size_t w = 0; w < batch.size(); ++w)
-      for (int p = 0; p <= last_order(); ++p)
+      for (int p = 1; p <= last_order(); ++p)
         add_integral(
             *this, *run.passes[w].coarse, batch[w], p, run.passes[w].shares[p], run.layout, block, directions,
             run.passes[w].sums[0]);
+  }
+
+  /// Adds order 0 as reflection and the shadow's edge make it.
+  void shadow_order(const Run& run, const Block& block, Pass& pass) {
+    const std::size_t size = static_cast<std::size_t>(run.rows()) * block.count() * 8;
+    auto* mapped = static_cast<double*>(cl().queue.enqueueMapBuffer(
+        pass.sums[0], CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size * sizeof(double)));
+    add_shadow(
+        *pass.shadow, pi * pass.job.wave, run.layout, block, device.info().compute_units, {mapped, size});
+    cl().queue.enqueueUnmapMemObject(pass.sums[0], mapped);
+    cl().queue.finish();
   }
 
   void trace_patches(
@@ -568,7 +592,10 @@ struct Tracer::Implementation : RayProgram {
     for (std::size_t start = 0; start < lights.size(); start += run.cut.at_once) {
       const std::span<const Light> batch =
           lights.subspan(start, std::min<std::size_t>(run.cut.at_once, lights.size() - start));
-      for (Pass& pass : run.passes) pass.coarse.reset();
+      for (Pass& pass : run.passes) {
+        pass.coarse.reset();
+        pass.shadow.reset();
+      }
       for (int first = 0; first < run.columns(); first += run.cut.columns) {
         const Block block = make_block(run.layout, first, std::min(first + run.cut.columns, run.columns()));
         if (wanted.per_order)

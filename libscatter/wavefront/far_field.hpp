@@ -52,7 +52,9 @@ struct Wanted {
   bool per_order = false;  ///< needs interference
   double filter_sigma_deg =
       0; ///< Gaussian over the primary bow's edge, (p - 1) times that over the edge of order p; 0: none
-  bool integral = false; ///< the diffraction integral near caustics; needs interference and exact focal lines
+  /// The diffraction integral near caustics; order 0 in closed form, with forward diffraction by the shadow.
+  /// Needs interference and exact focal lines.
+  bool integral = false;
   double sun_disc_deg = 0; ///< angular diameter of a uniform disc that intensities are averaged over; 0: none
 };
 
