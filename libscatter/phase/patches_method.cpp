@@ -48,7 +48,10 @@ class ErrorsByWavelength {
 public:
   ErrorsByWavelength(const Request& request, const std::vector<std::complex<double>>& index) {
     const std::size_t last = request.wavelength_m.size() - 1;
-    for (const std::size_t w : std::set<std::size_t>{0, last / 2, last})
+    const auto [least, most] = std::ranges::minmax(request.wavelength_m);
+    std::set<std::size_t> sampled{last / 2};
+    if (most > 1.1 * least) sampled.insert({0, last});
+    for (const std::size_t w : sampled)
       errors_.emplace_back(
           request.wavelength_m[w],
           ErrorModel(request, request.wavelength_m[w], index[w], request.orders.back())

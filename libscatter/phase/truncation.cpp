@@ -8,7 +8,8 @@
 namespace scatter::phase {
 namespace {
 
-constexpr double largest_size = 2e4;
+/// Errors change slowly with size, mostly they fall; a whole sphere of directions then takes half a second.
+constexpr double largest_size = 2000;
 constexpr int highest_order = 60;
 constexpr double centre_step_deg = 0.125;
 constexpr double half_window_deg = 2;
