@@ -118,10 +118,10 @@ TEST_F(QuickReport, SphereErrorsAreThoseOfTheMethod) {
     EXPECT_GE(entry["intensity_max"].get<double>(), entry["intensity_rms"].get<double>());
     EXPECT_LE(std::abs(entry["intensity_bias"].get<double>()), entry["intensity_rms"].get<double>());
   }
-  // Twice the shadow is short of the exact cross section by about x^(-2/3).
+  // Rays have the edge term, and lack the ripple and terms of order 1 / x.
   for (const auto& entry : find("sphere")["cross_sections"]) {
     const double x = 2 * 3.14159265 * entry["radius_m"].get<double>() / entry["wavelength_m"].get<double>();
-    EXPECT_NEAR(entry["relative_difference"].get<double>(), -std::pow(x, -2.0 / 3), std::pow(x, -2.0 / 3));
+    EXPECT_LT(std::abs(entry["relative_difference"].get<double>()), 0.3 * std::pow(x, -2.0 / 3));
   }
 }
 
