@@ -118,10 +118,10 @@ TEST_F(QuickReport, SphereErrorsAreThoseOfTheMethod) {
     EXPECT_GE(entry["intensity_max"].get<double>(), entry["intensity_rms"].get<double>());
     EXPECT_LE(std::abs(entry["intensity_bias"].get<double>()), entry["intensity_rms"].get<double>());
   }
-  // Rays have the edge term, and lack the ripple and terms of order 1 / x.
+  // Without the edge term the difference would be x^(-2/3). Ripple and terms of order 1 / x are left.
   for (const auto& entry : find("sphere")["cross_sections"]) {
     const double x = 2 * 3.14159265 * entry["radius_m"].get<double>() / entry["wavelength_m"].get<double>();
-    EXPECT_LT(std::abs(entry["relative_difference"].get<double>()), 0.3 * std::pow(x, -2.0 / 3));
+    EXPECT_LT(std::abs(entry["relative_difference"].get<double>()), 0.5 * std::pow(x, -2.0 / 3));
   }
 }
 
