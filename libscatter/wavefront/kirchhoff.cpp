@@ -556,9 +556,32 @@ WindowPlan plan_window(
 }
 
 /// Directions with a share, sorted into windows.
+/// Calls f(worker, i) for i in 0..count-1, each once, on several threads; throws what any of them threw.
+template <typename F>
+void side_by_side(std::size_t workers, std::size_t count, F&& f) {
+  std::atomic<std::size_t> next = 0;
+  std::exception_ptr failure;
+  std::mutex failing;
+  const auto run = [&](std::size_t worker) {
+    try {
+      for (std::size_t i = next++; i < count; i = next++) f(worker, i);
+    } catch (...) {
+      const std::lock_guard lock(failing);
+      failure = std::current_exception();
+      next = count;
+    }
+  };
+  std::vector<std::thread> threads;
+  for (std::size_t worker = 1; worker < std::min(workers, count); ++worker) threads.emplace_back(run, worker);
+  run(0);
+  for (std::thread& thread : threads) thread.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+/// The most expensive first, so that none is left for the end.
 std::vector<WindowPlan> plan_windows(
     const CoarseRays& coarse, int order, double ka, const IntegralShare& share, const Layout& layout,
-    Columns columns, int outline_terms) {
+    Columns columns, int outline_terms, std::size_t workers) {
   const int rows = static_cast<int>(layout.theta_deg.size());
   std::map<std::pair<int, int>, std::vector<Target>> groups;
   for (int column = 0; column < columns.count(); ++column)
@@ -571,10 +594,12 @@ std::vector<WindowPlan> plan_windows(
       const int sector = static_cast<int>(std::floor(phi / wide));
       groups[{band, sector}].push_back({column, row, weight});
     }
-  std::vector<WindowPlan> plans;
-  for (auto& [cell, targets] : groups) {
+  std::vector<std::vector<Target>> windows;
+  for (auto& [cell, targets] : groups) windows.push_back(std::move(targets));
+  std::vector<WindowPlan> plans(windows.size());
+  side_by_side(workers, windows.size(), [&](std::size_t, std::size_t i) {
     std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
-    for (const Target& t : targets) {
+    for (const Target& t : windows[i]) {
       const double at[] = {layout.theta_deg[t.row], layout.phi_deg[columns.first + t.column]};
       for (int axis = 0; axis < 2; ++axis) {
         low[axis] = std::min(low[axis], at[axis]);
@@ -582,10 +607,12 @@ std::vector<WindowPlan> plan_windows(
       }
     }
     const Vector centre = direction(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]));
-    WindowPlan plan =
-        plan_window(coarse, order, ka, std::move(targets), layout, columns, centre, outline_terms);
-    if (!plan.cells.empty()) plans.push_back(std::move(plan));
-  }
+    plans[i] = plan_window(coarse, order, ka, std::move(windows[i]), layout, columns, centre, outline_terms);
+  });
+  std::erase_if(plans, [](const WindowPlan& plan) { return plan.cells.empty(); });
+  std::ranges::stable_sort(plans, std::ranges::greater{}, [](const WindowPlan& plan) {
+    return static_cast<double>(plan.cells.size()) * plan.window.alphas * plan.window.azimuths;
+  });
   return plans;
 }
 
@@ -599,8 +626,9 @@ void add_integral(
   const Outline outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
   const Job job = rays.make_job(light, 2, order);
   const double ka = pi * job.wave;
-  const auto plans =
-      plan_windows(coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()));
+  const std::size_t workers = rays.device.info().compute_units;
+  const auto plans = plan_windows(
+      coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()), workers);
   if (plans.empty()) return;
   const std::string_view sources[] = {embedded::kernel_kirchhoff};
   cl::Program& program = rays.build(light, sources, true, " -DUNIFORM -DBEYOND");
@@ -653,24 +681,7 @@ void add_integral(
   };
   // Kernels are compiled at their first launch, which must not happen on several queues at once.
   work(0, plans.front(), true);
-  std::atomic<std::size_t> next = 0;
-  std::exception_ptr failure;
-  std::mutex failing;
-  const auto run = [&](std::size_t lane) {
-    try {
-      for (std::size_t i = next++; i < plans.size(); i = next++) work(lane, plans[i], false);
-    } catch (...) {
-      const std::lock_guard lock(failing);
-      failure = std::current_exception();
-      next = plans.size();
-    }
-  };
-  const std::size_t workers = std::min<std::size_t>(rays.device.info().compute_units, plans.size());
-  std::vector<std::thread> threads;
-  for (std::size_t lane = 1; lane < workers; ++lane) threads.emplace_back(run, lane);
-  run(0);
-  for (std::thread& thread : threads) thread.join();
-  if (failure) std::rethrow_exception(failure);
+  side_by_side(workers, plans.size(), [&](std::size_t lane, std::size_t i) { work(lane, plans[i], false); });
 }
 
 } // namespace scatter::wavefront
