@@ -2,6 +2,7 @@
 // failure is one line on standard error, `scatter VERB: what is wrong, where, and what would be right`.
 #include "verbs.hpp"
 #include <scatter/optics/errors.hpp>
+#include <scatter/optics/spelling.hpp>
 #include <scatter/optics/units.hpp>
 #include <scatter/optics/version.hpp>
 #include <scatter/table/files.hpp>
@@ -23,7 +24,6 @@
 #include <exception>
 #include <iostream>
 #include <new>
-#include <numeric>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -101,31 +101,10 @@ std::string command_line(int argc, char** argv) {
   return line;
 }
 
-/// How many letters must be inserted, deleted or replaced to turn one word into the other (Levenshtein).
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row.back();
-}
-
 /// "did you mean X?" when something known is near enough to be meant, and where to look otherwise.
 std::string advice(std::string_view word, const std::vector<std::string>& known, const std::string& help) {
-  if (!known.empty() && word.size() < 100) {
-    const auto nearest = std::ranges::min_element(
-        known, {}, [&](const std::string& name) { return edit_distance(word, name); });
-    if (edit_distance(word, *nearest) <= std::max<std::size_t>(2, nearest->size() / 2))
-      return "did you mean " + *nearest + "?";
-  }
-  return "see " + help;
+  const auto name = scatter::nearest_name(word, known);
+  return name ? "did you mean " + *name + "?" : "see " + help;
 }
 
 /// The verb that was asked for, and its name as typed: "scatter", "scatter phase", "scatter fiber azimuth".

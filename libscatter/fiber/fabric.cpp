@@ -1,5 +1,6 @@
 #include <scatter/fiber/fabric.hpp>
 #include <scatter/optics/errors.hpp>
+#include <scatter/optics/spelling.hpp>
 #include <scatter/optics/units.hpp>
 
 #include <embedded/fabric_imaginary_asymmetric.hpp>
@@ -18,7 +19,6 @@
 #include <fstream>
 #include <initializer_list>
 #include <iterator>
-#include <numeric>
 #include <set>
 #include <utility>
 
@@ -38,22 +38,6 @@ constexpr std::pair<const char*, std::string_view> fabrics[] = {
     {"imaginary-asymmetric", embedded::fabric_imaginary_asymmetric},
 };
 
-/// Letters to insert, delete or replace (Levenshtein).
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row.back();
-}
-
 std::string joined(const std::vector<std::string>& names) {
   std::string list;
   for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
@@ -62,11 +46,7 @@ std::string joined(const std::vector<std::string>& names) {
 
 /// "did you mean X?" if X is near, else all of them.
 std::string advice(const std::string& word, const std::vector<std::string>& known) {
-  const auto nearest = std::ranges::min_element(
-      known, {}, [&](const std::string& name) { return edit_distance(word.substr(0, 100), name); });
-  if (nearest != known.end() &&
-      edit_distance(word.substr(0, 100), *nearest) <= std::max<std::size_t>(2, nearest->size() / 3))
-    return "did you mean " + *nearest + "?";
+  if (const auto name = nearest_name(word, known)) return "did you mean " + *name + "?";
   return "known are " + joined(known);
 }
 

@@ -190,7 +190,7 @@ namespace {
 struct Window {
   Vector r0, e1, e2, f0, f1, f2;
   double latitude = 0;
-  std::array<double, 2> shear{};
+  double shear = 0;
   std::array<std::array<double, 2>, 2> full{}, none{};
   std::array<double, 2> centre{}, xi_per_length{}, points_per_xi{};
   double beta = 0;
@@ -199,7 +199,7 @@ struct Window {
   std::array<int, 2> points{}, modes{};
   int alphas = 0, azimuths = 0, heights = 0, rim_cell = CoarseRays::alphas, order = 0, outline_terms = 0;
 };
-static_assert(sizeof(Window) == 368);
+static_assert(sizeof(Window) == 360);
 
 struct Cell {
   int alpha, azimuth, index, unused;
@@ -319,16 +319,15 @@ Momentum momentum(const Window& w, const CoarseRays::Node& n) {
   }
   Momentum m;
   m.rho = {std::atan2(east, towards), std::asin(std::clamp(sin_2, -1.0, 1.0)) - w.latitude};
-  m.X = {inner(n.point, t1) - w.shear[0] * m.rho[0], inner(n.point, t2) - w.shear[1] * m.rho[1]};
+  m.X = {inner(n.point, t1) - w.shear * m.rho[0], inner(n.point, t2)};
   std::array<std::array<double, 2>, 2> rho_slope{}, X_slope{};
   const double on_d = inner(n.point, d), on_middle = inner(n.point, middle), on_side = inner(n.point, side);
   for (int q = 0; q < 2; ++q) {
     rho_slope[q] = {inner(n.direction_slope[q], t1) / (cos_2 * cos_2), inner(n.direction_slope[q], t2)};
     X_slope[q] = {
-        inner(n.point_slope[q], t1) - (cos_2 * on_middle + w.shear[0]) * rho_slope[q][0] -
+        inner(n.point_slope[q], t1) - (cos_2 * on_middle + w.shear) * rho_slope[q][0] -
             sin_2 * on_side * rho_slope[q][1],
-        inner(n.point_slope[q], t2) - sin_2 * on_side * rho_slope[q][0] -
-            (on_d + w.shear[1]) * rho_slope[q][1]};
+        inner(n.point_slope[q], t2) - sin_2 * on_side * rho_slope[q][0] - on_d * rho_slope[q][1]};
   }
   m.A = X_slope[0][0] * X_slope[1][1] - X_slope[1][0] * X_slope[0][1];
   m.scale = std::hypot(X_slope[0][0], X_slope[1][0]) * std::hypot(X_slope[0][1], X_slope[1][1]);
@@ -467,9 +466,8 @@ WindowPlan plan_window(
   // Shear across the plane of scattering, where A would vanish without: on a sphere the momentum about the
   // light is 0. Plane waves have -sin(theta) cos(theta) X_theta of it in these coordinates, which
   // makes the sum good to the next order of 1 / (k a); its sign is what counts.
-  const auto shear_by = [&](double shear) { w.shear = {shear, 0.0}; };
   const auto clearance = [&](double shear) {
-    shear_by(shear);
+    w.shear = shear;
     double least = 1;
     for (const auto* n : corners) {
       const Momentum m = momentum(w, *n);
@@ -494,7 +492,7 @@ WindowPlan plan_window(
         best = here;
         shear = candidate * sign;
       }
-  shear_by(shear);
+  w.shear = shear;
   std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
   for (const auto* n : corners) {
     const Momentum m = momentum(w, *n);

@@ -1,15 +1,16 @@
 // The far field of one order around one direction as a sum over its rays, Fourier transformed to directions. Needs
 // job.cl and trace.cl, built with CURVATURE, UNIFORM and BEYOND.
 //
-// Around the centre r0 of a window directions have coordinates rho, a longitude and a latitude. A ray that leaves in direction d = r(rho_d), with optical path L between planes through the
-// origin, has the momentum X = dr/drho . p there, p any point on it: the far field's phase falls by k X per rho. With
-// W(rho) = sum D rho^2 / 2, X' = X - D rho_d and A = det dX' / d(u, v),
+// Around the centre r0 of a window directions have coordinates rho, a longitude and a latitude. A ray that leaves in
+// direction d = r(rho_d), with optical path L between planes through the origin, has the momentum X = dr/drho . p there,
+// p any point on it: the far field's phase falls by k X per rho. With W(rho) = D longitude^2 / 2, X' = X - dW/drho at
+// rho_d and A = det dX' / d(u, v),
 //   S(r) = -k^2 / (2 pi) exp(-i k W(rho)) sum w sqrt|A| E exp(i k (L + W(rho_d) - X' . (rho - rho_d))) i^-mu du dv,
 // E the energy-normalised Jones matrix over the fourth root of the metric at r, mu the focal lines to infinity less the
 // negative eigenvalues of dX'/d(u, v)^T drho/d(u, v). Stationary phase gives back geometric optics wherever it holds, with
-// all its focal lines; about a fold of directions A does not vanish, and the sum is Airy's. On a sphere, with
-// theta and phi for coordinates, X is the angular momentum of the ray and the sum that of Debye's series over partial waves: it holds up to
-// grazing rays, and beyond. A Kirchhoff integral over a plane differs from it by the coordinates, sines for angles.
+// all its focal lines; about a fold of directions A does not vanish, and the sum is Airy's. On a sphere, with theta and
+// phi for coordinates, X is the angular momentum of the ray and the sum that of Debye's series over partial waves: it
+// holds up to grazing rays, and beyond. A Kirchhoff integral over a plane differs from it by the coordinates, sines for angles.
 //
 // The sum goes through a grid of X' and an FFT: a non-uniform Fourier transform of type 3 (Lee & Greengard 2005,
 // J. Comput. Phys. 206, 1) with Kaiser-Bessel kernels.
@@ -29,7 +30,7 @@ typedef struct {
   double r0[3], e1[3], e2[3];    // centre of the window and the axes of fields there
   double f0[3], f1[3], f2[3];    // rho is longitude (from f0 to f1) and latitude (towards f2) ..
   double latitude;               // .. less the centre's
-  double shear[2];               // D
+  double shear;                  // D, of the longitude
   double full[2][2], none[2][2]; // per axis, below and above: the taper is 1 between full, 0 outside none
   double centre[2];              // of X'
   double xi_per_length[2];       // grid phase per X'
@@ -138,13 +139,13 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const vector3 middle_1 = along3(scale3(cos_1, f0), sin_1, quarter);
       const vector3 side = along3(scale3(-sin_1, f0), cos_1, quarter);
       const vector3 t1 = scale3(cos_2, side), t2 = along3(scale3(cos_2, pole), -sin_2, middle_1);
-      const double D1 = window->shear[0], D2 = window->shear[1];
-      const real X1 = dot3(out.p, t1) - D1 * rho_1, X2 = dot3(out.p, t2) - D2 * rho_2;
+      const double D = window->shear;
+      const real X1 = dot3(out.p, t1) - D * rho_1, X2 = dot3(out.p, t2);
       const real along_d = dot3(out.p, d), along_middle = dot3(out.p, middle_1), along_side = dot3(out.p, side);
 #define MOMENTUM_CHANGE(q, p_q, d_q)                                                                          \
   const real rho_1##q = dot3(d_q, t1) * inverse_2 * inverse_2, rho_2##q = dot3(d_q, t2);                      \
-  const real X1##q = dot3(p_q, t1) - (cos_2 * along_middle + D1) * rho_1##q - sin_2 * along_side * rho_2##q;  \
-  const real X2##q = dot3(p_q, t2) - sin_2 * along_side * rho_1##q - (along_d + D2) * rho_2##q;
+  const real X1##q = dot3(p_q, t1) - (cos_2 * along_middle + D) * rho_1##q - sin_2 * along_side * rho_2##q;  \
+  const real X2##q = dot3(p_q, t2) - sin_2 * along_side * rho_1##q - along_d * rho_2##q;
       MOMENTUM_CHANGE(_u, out.spread.p_u, out.spread.d_u)
       MOMENTUM_CHANGE(_v, out.spread.p_v, out.spread.d_v)
 #undef MOMENTUM_CHANGE
@@ -159,7 +160,7 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const real xi_x = x * window->xi_per_length[0], xi_y = y * window->xi_per_length[1];
       weight *= inverse_transform(xi_x, window->beta) * inverse_transform(xi_y, window->beta);
       weight = select(weight, (real)(0.0), useless);
-      const real length = out.path + 0.5 * (D1 * rho_1 * rho_1 + D2 * rho_2 * rho_2) + X1 * rho_1 + X2 * rho_2;
+      const real length = out.path + 0.5 * D * rho_1 * rho_1 + X1 * rho_1 + X2 * rho_2;
       const real half_turns = job->wave * length - 0.5 * index;
       const real turns = half_turns - 2.0 * rint(0.5 * half_turns);
       const real phase_c = weight * cospi(turns), phase_s = weight * sinpi(turns);
@@ -274,9 +275,9 @@ kernel void gather_directions(constant job_t* job, constant window_t* window, gl
       }
     }
     // exp(-i k (centre . rho + W)), then the axes of the direction's hemisphere.
-    double half_turns = 0.0;
+    double half_turns = job->wave * 0.5 * window->shear * rho[0] * rho[0];
     for (int axis = 0; axis < 2; ++axis)
-      half_turns += job->wave * rho[axis] * (window->centre[axis] + 0.5 * window->shear[axis] * rho[axis]);
+      half_turns += job->wave * rho[axis] * window->centre[axis];
     const double turns = half_turns - 2.0 * rint(0.5 * half_turns), c = cospi(turns), s = sinpi(turns);
     const double factor = -scale * target.weight / sqrt(cosine_2);
     const double4 re = factor * (c * sum.lo + s * sum.hi), im = factor * (c * sum.hi - s * sum.lo);
