@@ -233,6 +233,12 @@ Plan plan(const Request& request) {
     if (request.focal_lines != FocalLines::exact)
       throw InputError(
           "--diffraction integral: focal lines must be counted exactly; use --focal-lines exact");
+    if (!integral_fits(request))
+      throw InputError(fmt::format(
+          "--diffraction integral: a drop of radius {} m is too small for order 0 at its longest wavelength; "
+          "use a "
+          "size parameter of {:g} or more, or orders from 1 on",
+          number(request.shape.radius_m), wavefront::smallest_size_with_shadow));
   }
   if (made.method == Method::patches && !request.interference && (request.amplitudes || request.per_order))
     throw InputError("--no-interference: intensities have no amplitude; drop --amplitudes and --per-order");

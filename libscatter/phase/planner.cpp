@@ -56,6 +56,12 @@ std::string settings_text(const Request& request) {
 
 } // namespace
 
+bool integral_fits(const Request& request) {
+  const double longest_m = std::ranges::max(request.wavelength_m);
+  return request.orders.front() > 0 ||
+         2 * pi * request.shape.radius_m / longest_m >= wavefront::smallest_size_with_shadow;
+}
+
 Prediction predict(const Request& request, const ErrorModel& errors) {
   const double columns = distinct_columns(request), rows = static_cast<double>(request.theta_deg.size());
   const double orders = request.orders.back() + 1,
@@ -93,7 +99,7 @@ candidates(const Request& request, double wavelength_m, std::complex<double> ind
   std::vector<Diffraction> filters{request.diffraction};
   if (request.open.diffraction) {
     filters = {Diffraction::gaussian};
-    if (request.interference && request.focal_lines == FocalLines::exact)
+    if (request.interference && request.focal_lines == FocalLines::exact && integral_fits(request))
       filters.push_back(Diffraction::integral);
   }
   std::vector<std::vector<int>> selections{request.orders};

@@ -18,6 +18,10 @@ struct Prediction {
 /// was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of about 2 there.
 [[nodiscard]] Prediction predict(const Request& request, const ErrorModel& errors);
 
+/// Whether the diffraction integral serves drops this small: order 0 needs a size parameter of
+/// wavefront::smallest_size_with_shadow.
+[[nodiscard]] bool integral_fits(const Request& request);
+
 /// What was chosen, and why.
 struct Choice {
   Request request; ///< tolerance met, open settings chosen

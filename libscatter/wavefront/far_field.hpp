@@ -63,6 +63,9 @@ struct Amplitude {
   std::complex<double> S1, S2, S3, S4;
 };
 
+/// What order 0 with its diffraction (Wanted::integral) is for: size parameters from here on.
+inline constexpr double smallest_size_with_shadow = 20;
+
 /// One wavelength's answer; T x F as in Wanted, row-major.
 struct FarField {
   std::vector<double> phase_function;     ///< [T][F], sr^-1: S11 / (k^2 C_sca)

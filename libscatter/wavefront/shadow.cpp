@@ -1,5 +1,6 @@
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
+#include <scatter/wavefront/far_field.hpp>
 #include <scatter/wavefront/shadow.hpp>
 
 #include <algorithm>
@@ -18,7 +19,7 @@ constexpr Complex i{0, 1};
 constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 1200;
 constexpr int azimuth_steps = 128;
 /// Size parameters: of a drop, and of a piece of its surface, beyond which curvature it counts as that.
-constexpr double smallest_drop = 20, smallest_curvature = 10;
+constexpr double smallest_drop = smallest_size_with_shadow, smallest_curvature = 10;
 /// Of (x/2)^(1/3) theta between entries.
 constexpr double edge_step = 0.04;
 /// Beyond twice this angle [rad] two points stand for the outline, however small the drop.

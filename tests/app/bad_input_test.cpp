@@ -248,6 +248,14 @@ INSTANTIATE_TEST_SUITE_P(
             {"--diffraction integral", "--no-interference"}},
         Case{"FocalLinesUnknown", phase({{"--focal-lines", "all"}}), {"--focal-lines", "all", "exact"}},
         Case{
+            "IntegralOfADust",
+            phase(
+                {{"--shape", "spheroid"},
+                 {"--axis-ratio", "0.9"},
+                 {"--radius", "1um"},
+                 {"--diffraction", "integral"}}),
+            {"--diffraction integral", "too small", "20"}},
+        Case{
             "ToleranceOutOfReach",
             phase({{"--theta", "120:150:1"}, {"--phi", "0"}, {"--tolerance", "1e-6"}}),
             {"--tolerance", "out of reach", "--orders"}},
