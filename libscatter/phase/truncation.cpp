@@ -8,8 +8,13 @@
 namespace scatter::phase {
 namespace {
 
-/// Errors change slowly with size, mostly they fall; a whole sphere of directions then takes half a second.
-constexpr double largest_size = 2000;
+/// Errors change slowly with size, mostly they fall: where many angles are asked for, a smaller sphere stands
+/// in, so that it takes about a second at most.
+double judged_size(double size_parameter, std::span<const double> theta_deg) {
+  const double range_deg = theta_deg.back() - theta_deg.front() + 4;
+  return std::min(size_parameter, std::clamp(2.4e5 / range_deg, 2000.0, 1e4));
+}
+
 constexpr int highest_order = 60;
 constexpr double centre_step_deg = 0.125;
 constexpr double half_window_deg = 2;
@@ -41,11 +46,11 @@ Truncation::Truncation(
       centres_deg_(centres(theta_deg, half_window_deg + shift_deg)), shift_deg_(shift_deg),
       disc_(
           centres_deg_, exact::sun_diameter_deg,
-          exact::SunDisc::level_for(std::min(size_parameter, largest_size))) {
+          exact::SunDisc::level_for(judged_size(size_parameter, theta_deg))) {
   std::vector<int> all(std::min(last_order, highest_order) + 1);
   std::iota(all.begin(), all.end(), 0);
   auto series =
-      exact::debye_at_degrees(std::min(size_parameter, largest_size), index, all, disc_.grid_deg(), threads);
+      exact::debye_at_degrees(judged_size(size_parameter, theta_deg), index, all, disc_.grid_deg(), threads);
   for (auto& order : series.orders) orders_.push_back({std::move(order.S1), std::move(order.S2)});
   whole_ = mean_intensity(disc_, series.whole.S1, series.whole.S2);
 }
