@@ -6,6 +6,7 @@
 #include <scatter/wavefront/far_field.hpp>
 #include <scatter/wavefront/kirchhoff.hpp>
 #include <scatter/wavefront/layout.hpp>
+#include <scatter/wavefront/meridian_integral.hpp>
 #include <scatter/wavefront/order_energy.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 #include <scatter/wavefront/ray_program.hpp>
@@ -481,21 +482,34 @@ struct Tracer::Implementation : RayProgram {
     for (std::size_t w = 0; w < batch.size() && order_wanted[0] != 0; ++w)
       shadow_order(run, block, run.passes[w]);
     for (std::size_t w = 0; w < batch.size(); ++w)
-      for (int p = 1; p <= last_order(); ++p)
-        add_integral(
-            *this, *run.passes[w].coarse, batch[w], p, run.passes[w].shares[p], run.layout, block, directions,
-            run.passes[w].sums[0]);
+      for (int p = 1; p <= last_order(); ++p) {
+        Pass& pass = run.passes[w];
+        IntegralShare& share = pass.shares[p];
+        if (share.empty()) continue;
+        if (!run.wanted.integral_by_windows)
+          on_host(run, block, pass.sums[0], [&](std::span<double> sums) {
+            add_meridian_integral(*this, *pass.coarse, batch[w], p, run.layout, block, share, sums);
+          });
+        add_integral(*this, *pass.coarse, batch[w], p, share, run.layout, block, directions, pass.sums[0]);
+      }
+  }
+
+  /// Lets the host add to sums of amplitudes.
+  template <typename F>
+  void on_host(const Run& run, const Block& block, const cl::Buffer& sums, F&& f) {
+    const std::size_t size = static_cast<std::size_t>(run.rows()) * block.count() * 8;
+    auto* mapped = static_cast<double*>(
+        cl().queue.enqueueMapBuffer(sums, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size * sizeof(double)));
+    f(std::span<double>(mapped, size));
+    cl().queue.enqueueUnmapMemObject(sums, mapped);
+    cl().queue.finish();
   }
 
   /// Adds order 0 as reflection and the shadow's edge make it.
   void shadow_order(const Run& run, const Block& block, Pass& pass) {
-    const std::size_t size = static_cast<std::size_t>(run.rows()) * block.count() * 8;
-    auto* mapped = static_cast<double*>(cl().queue.enqueueMapBuffer(
-        pass.sums[0], CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size * sizeof(double)));
-    add_shadow(
-        *pass.shadow, pi * pass.job.wave, run.layout, block, device.info().compute_units, {mapped, size});
-    cl().queue.enqueueUnmapMemObject(pass.sums[0], mapped);
-    cl().queue.finish();
+    on_host(run, block, pass.sums[0], [&](std::span<double> sums) {
+      add_shadow(*pass.shadow, pi * pass.job.wave, run.layout, block, device.info().compute_units, sums);
+    });
   }
 
   void trace_patches(

@@ -1,19 +1,17 @@
 #include <scatter/optics/errors.hpp>
-#include <scatter/optics/fftw_planner.hpp>
 #include <scatter/optics/units.hpp>
+#include <scatter/wavefront/fourier_grid.hpp>
+#include <scatter/wavefront/integral_taper.hpp>
 #include <scatter/wavefront/kirchhoff.hpp>
 #include <scatter/wavefront/outline.hpp>
+#include <scatter/wavefront/side_by_side.hpp>
 
 #include <embedded/kernel_kirchhoff.hpp>
-#include <fftw3.h>
+#include <embedded/kernel_outline.hpp>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
 #include <map>
-#include <mutex>
-#include <thread>
 
 namespace scatter::wavefront {
 namespace {
@@ -22,25 +20,9 @@ using compute::OpenCL;
 using compute::with_arguments;
 using Vector = std::array<double, 3>;
 
-constexpr int taps = 6, tap_degree = 12; ///< TAPS, TAP_DEGREE in kernels/kirchhoff.cl
-constexpr double oversampling = 2;       ///< of both grids of the Fourier transform
-/// The Kaiser-Bessel kernel's shape for this oversampling (Jackson et al. 1991, IEEE Trans. Med. Imaging 10,
-/// 473).
-const double beta = pi * taps * (1 - 1 / (2 * oversampling));
-/// Phase between neighbouring rays, in half-turns, at most: at 2 they would add up like those of another
-/// direction.
-constexpr double phase_step = 1.2;
-/// The taper begins and ends this many Fresnel widths outside the window.
-constexpr double taper_begin = 4, taper_end = 10;
 /// Change of momentum per angle between rays, at most.
 constexpr double steepest_momentum = 1.5;
-/// How far beyond the rim rays are taken, in tau of kernels/grazing.cl.
-constexpr double rim_reach = 5;
 constexpr double window_deg = 12;
-/// A taper begins this far behind the rim's direction [rad].
-constexpr double behind_rim = 0.02;
-/// The taper keeps this far from the poles of theta and phi [rad], where azimuths change fast.
-constexpr double pole_margin = 0.07;
 /// Theta and phi fail at the poles: the integral's share grows from nothing to all between these angles from
 /// them.
 constexpr double polar_cap_deg = 12, polar_cap_end_deg = 15;
@@ -59,10 +41,6 @@ double norm(const Vector& a) {
 }
 Vector direction(double theta_deg, double phi_deg) {
   return {sin_deg(theta_deg) * cos_deg(phi_deg), sin_deg(theta_deg) * sin_deg(phi_deg), cos_deg(theta_deg)};
-}
-double smooth_step(double a, double inner_end, double outer_end) {
-  const double s = std::clamp((a - inner_end) / (outer_end - inner_end), 0.0, 1.0), s2 = s * s;
-  return 1 - s2 * s2 * s * (126 - s * (420 - s * (540 - s * (315 - 70 * s))));
 }
 
 } // namespace
@@ -191,9 +169,9 @@ struct Window {
   Vector r0, e1, e2, f0, f1, f2;
   double latitude = 0;
   double shear = 0;
-  std::array<std::array<double, 2>, 2> full{}, none{};
+  std::array<Taper, 2> taper{}; ///< along phi, along theta
   std::array<double, 2> centre{}, xi_per_length{}, points_per_xi{};
-  double beta = 0;
+  double tap_shape = 0;
   std::array<double, 2> modes_per_radian{};
   double alpha_step = 0, psi_step = 0, height_step = 0;
   std::array<int, 2> points{}, modes{};
@@ -207,87 +185,6 @@ struct Cell {
 struct Target {
   int column, row;
   double weight;
-};
-
-/// Kaiser-Bessel taps at the six grid points around a place, as polynomials in z = 2 (first - place + 3) - 1.
-std::vector<double> tap_polynomials() {
-  constexpr int terms = tap_degree + 1;
-  std::vector<double> coefficients;
-  for (int tap = 0; tap < taps; ++tap) {
-    // Interpolation in Chebyshev points, then monomials; |z| <= 1 keeps that well-conditioned for so few
-    // terms.
-    std::array<double, terms> value{}, chebyshev{}, monomial{};
-    for (int i = 0; i < terms; ++i) {
-      const double z = std::cos(pi * (i + 0.5) / terms), t = -0.5 * taps + tap + 0.5 * (z + 1);
-      const double s = 1 - 4 * t * t / (taps * taps);
-      value[i] = std::cyl_bessel_i(0.0, beta * std::sqrt(std::max(s, 0.0))) / std::cyl_bessel_i(0.0, beta);
-    }
-    for (int n = 0; n < terms; ++n) {
-      for (int i = 0; i < terms; ++i) chebyshev[n] += value[i] * std::cos(pi * n * (i + 0.5) / terms);
-      chebyshev[n] *= (n == 0 ? 1.0 : 2.0) / terms;
-    }
-    std::array<double, terms> before{}, current{};
-    before[0] = 1; // T_0
-    current[1] = 1;
-    for (int i = 0; i < terms; ++i) monomial[i] = chebyshev[0] * before[i] + chebyshev[1] * current[i];
-    for (int n = 2; n < terms; ++n) {
-      std::array<double, terms> next{};
-      for (int i = 0; i + 1 < terms; ++i) next[i + 1] = 2 * current[i];
-      for (int i = 0; i < terms; ++i) next[i] -= before[i];
-      for (int i = 0; i < terms; ++i) monomial[i] += chebyshev[n] * next[i];
-      before = current;
-      current = next;
-    }
-    coefficients.insert(coefficients.end(), monomial.begin(), monomial.end());
-  }
-  return coefficients;
-}
-
-/// Fourier transform of that kernel at xi.
-double tap_transform(double xi) {
-  const double y = std::sqrt(beta * beta - 0.25 * taps * taps * xi * xi);
-  return taps / std::cyl_bessel_i(0.0, beta) * std::sinh(y) / y;
-}
-
-/// The sign and transform that spreading puts on modes -modes..modes.
-std::vector<double> mode_corrections(int modes, int points) {
-  std::vector<double> corrections;
-  for (int m = -modes; m <= modes; ++m)
-    corrections.push_back((m % 2 == 0 ? 1 : -1) / tap_transform(2 * pi * m / points));
-  return corrections;
-}
-
-/// The next even number whose prime factors are 2, 3 and 5.
-int quick_size(double at_least) {
-  for (int n = std::max(2 * static_cast<int>(std::ceil(at_least / 2)), 16);; n += 2) {
-    int rest = n;
-    for (const int factor : {2, 3, 5})
-      while (rest % factor == 0) rest /= factor;
-    if (rest == 1) return n;
-  }
-}
-
-/// FFTW plans in place over [y][x][8], real parts before imaginary ones.
-class Transform {
-public:
-  Transform(int nx, int ny, double* data) : data_(data) {
-    const fftw_iodim64 dimensions[] = {{ny, 8 * nx, 8 * nx}, {nx, 8, 8}}, four[] = {{4, 1, 1}};
-    const std::lock_guard lock(fftw_planner());
-    plan_ = fftw_plan_guru64_split_dft(2, dimensions, 1, four, data, data + 4, data, data + 4, FFTW_ESTIMATE);
-    if (plan_ == nullptr)
-      throw RunError("FFTW found no plan for " + std::to_string(nx) + " x " + std::to_string(ny));
-  }
-  ~Transform() {
-    const std::lock_guard lock(fftw_planner());
-    fftw_destroy_plan(plan_);
-  }
-  Transform(const Transform&) = delete;
-  Transform& operator=(const Transform&) = delete;
-  void run() { fftw_execute_split_dft(plan_, data_, data_ + 4, data_, data_ + 4); }
-
-private:
-  double* data_;
-  fftw_plan plan_;
 };
 
 /// Everything that is known of a window before its rays are traced.
@@ -362,69 +259,20 @@ WindowPlan plan_window(
     half[0] = std::max(half[0], std::abs(std::atan2(inner(r, w.f1), inner(r, w.f0))));
     half[1] = std::max(half[1], std::abs(std::asin(std::clamp(inner(r, w.f2), -1.0, 1.0)) - w.latitude));
   }
-  const double fresnel = std::sqrt(std::max(order, 2) / ka);
-  struct Rim {
-    Momentum last, before; ///< the rim's rays and those before them
-  };
-  std::vector<Rim> rim;
-  if (order > 0)
-    for (int j = 0; j < CoarseRays::azimuths; ++j) {
-      const CoarseRays::Node& last = coarse.node(order, CoarseRays::alphas, j);
-      const CoarseRays::Node& before = coarse.node(order, CoarseRays::alphas - 1, j);
-      if (last.valid && before.valid) rim.push_back({momentum(w, last), momentum(w, before)});
-    }
-  // Fresnel's width at an angle from the rim's direction: there directions turn fast.
-  const auto rim_fresnel = [&](double angle) {
-    return std::max(fresnel, std::sqrt(8 / (ka * std::max(angle, 1e-6))));
-  };
-  // How far outward so many widths reach, where the rim lies `ahead` and its rays beyond.
-  const auto reach_along_rim = [&](double widths, double ahead) {
-    double low = std::max(ahead, 0.0), high = low + 3;
-    for (int step = 0; step < 30; ++step) {
-      const double middle = 0.5 * (low + high);
-      (middle < widths * rim_fresnel(middle - ahead) ? low : high) = middle;
-    }
-    return high;
-  };
-  for (int axis = 0; axis < 2; ++axis)
-    for (int end = 0; end < 2; ++end) {
-      const double sign = end == 0 ? -1 : 1;
-      double full = taper_begin * fresnel, none = taper_end * fresnel, rim_ahead = -1;
-      // A taper ends well before the rim or begins behind it, where directions have turned back with a kink;
-      // and it takes many of its widths where it falls on the rim's own rays.
-      if (axis == 1)
-        for (const auto& [last, before] : rim) {
-          if (std::abs(last.rho[1 - axis]) > half[1 - axis] + taper_end * fresnel) continue;
-          const double ahead = sign * last.rho[axis] - half[axis];
-          if (sign * before.rho[axis] > sign * last.rho[axis]) {
-            if (ahead > none) continue;
-            full = std::max(full, reach_along_rim(taper_begin, ahead));
-            none = std::max(none, reach_along_rim(taper_end, ahead));
-          } else if (ahead > -behind_rim) {
-            const double width = rim_fresnel(ahead);
-            if (taper_end * width + behind_rim < ahead) {
-              full = std::max(full, taper_begin * width);
-              none = std::max(none, taper_end * width);
-            } else {
-              rim_ahead = std::max(rim_ahead, ahead + behind_rim);
-            }
-          }
-        }
-      if (rim_ahead > full) {
-        full = rim_ahead;
-        none = std::max(none, full + (taper_end - taper_begin) * fresnel);
-      }
-      w.full[axis][end] = sign * std::min(half[axis] + full, 1.2);
-      w.none[axis][end] = sign * std::min(half[axis] + none, 1.5);
-    }
-  // Short of the poles of the coordinates.
-  for (int end = 0; end < 2; ++end) {
-    const double sign = end == 0 ? -1 : 1, pole = 0.5 * pi - sign * w.latitude - pole_margin;
-    if (sign * w.none[1][end] > pole) {
-      w.none[1][end] = sign * pole;
-      w.full[1][end] = sign * std::min(sign * w.full[1][end], std::max(pole - 2 * fresnel, half[1]));
-    }
+  const double fresnel = fresnel_width(order, ka);
+  std::vector<RimAngles> rim;
+  for (int j = 0; j < CoarseRays::azimuths; ++j) {
+    const CoarseRays::Node& last = coarse.node(order, CoarseRays::alphas, j);
+    const CoarseRays::Node& before = coarse.node(order, CoarseRays::alphas - 1, j);
+    if (order == 0 || !last.valid || !before.valid) continue;
+    const Momentum at_rim = momentum(w, last);
+    if (std::abs(at_rim.rho[0]) <= half[0] + taper_end * fresnel)
+      rim.push_back({at_rim.rho[1], momentum(w, before).rho[1]});
   }
+  w.taper[0] = {
+      {-std::min(half[0] + taper_begin * fresnel, 1.2), std::min(half[0] + taper_begin * fresnel, 1.2)},
+      {-std::min(half[0] + taper_end * fresnel, 1.5), std::min(half[0] + taper_end * fresnel, 1.5)}};
+  w.taper[1] = theta_taper(order, ka, w.latitude + 0.5 * pi, half[1], rim);
   // Cells of rays that may leave within the taper, and those at the rim with their continuation beyond it.
   std::vector<const CoarseRays::Node*> corners;
   for (int a = 0; a < CoarseRays::alphas; ++a)
@@ -450,7 +298,8 @@ WindowPlan plan_window(
       bool misses = high[0] - low[0] > pi;
       for (int axis = 0; axis < 2; ++axis) {
         const double margin = 0.3 * (high[axis] - low[axis]) + 0.01;
-        misses = misses || low[axis] - margin > w.none[axis][1] || high[axis] + margin < w.none[axis][0];
+        misses = misses || low[axis] - margin > w.taper[axis].none[1] ||
+                 high[axis] + margin < w.taper[axis].none[0];
       }
       if (misses) continue;
       made.cells.push_back({a, j, 0, 0});
@@ -473,8 +322,8 @@ WindowPlan plan_window(
       const Momentum m = momentum(w, *n);
       bool inside = true;
       for (int axis = 0; axis < 2; ++axis)
-        inside = inside && m.rho[axis] > 0.5 * (w.full[axis][0] + w.none[axis][0]) &&
-                 m.rho[axis] < 0.5 * (w.full[axis][1] + w.none[axis][1]);
+        inside = inside && m.rho[axis] > 0.5 * (w.taper[axis].full[0] + w.taper[axis].none[0]) &&
+                 m.rho[axis] < 0.5 * (w.taper[axis].full[1] + w.taper[axis].none[1]);
       if (inside) least = std::min(least, std::abs(m.A) / m.scale);
     }
     return least;
@@ -503,7 +352,8 @@ WindowPlan plan_window(
   }
   // Phase between neighbouring rays: k (rho - r) . dX.
   const std::array<double, 2> spread{
-      half[0] + std::max(w.none[0][1], -w.none[0][0]), half[1] + std::max(w.none[1][1], -w.none[1][0])};
+      half[0] + std::max(w.taper[0].none[1], -w.taper[0].none[0]),
+      half[1] + std::max(w.taper[1].none[1], -w.taper[1].none[0])};
   double step_alpha = 0, step_psi = 0;
   for (Cell& cell : made.cells) {
     const auto side = [&](const CoarseRays::Node& a, const CoarseRays::Node& b) {
@@ -538,7 +388,7 @@ WindowPlan plan_window(
   w.heights = std::max(
       24, static_cast<int>(std::ceil(ka * reach_beyond * (spread[0] + spread[1]) / (pi * 0.5 * phase_step))));
   w.height_step = reach_beyond / w.heights;
-  w.beta = beta;
+  w.tap_shape = tap_shape;
   for (int axis = 0; axis < 2; ++axis) {
     w.centre[axis] = 0.5 * (low[axis] + high[axis]);
     const double reach = 0.5 * (high[axis] - low[axis]) * 1.1 + 0.02 + 2 * reach_beyond;
@@ -553,30 +403,7 @@ WindowPlan plan_window(
   return made;
 }
 
-/// Directions with a share, sorted into windows.
-/// Calls f(worker, i) for i in 0..count-1, each once, on several threads; throws what any of them threw.
-template <typename F>
-void side_by_side(std::size_t workers, std::size_t count, F&& f) {
-  std::atomic<std::size_t> next = 0;
-  std::exception_ptr failure;
-  std::mutex failing;
-  const auto run = [&](std::size_t worker) {
-    try {
-      for (std::size_t i = next++; i < count; i = next++) f(worker, i);
-    } catch (...) {
-      const std::lock_guard lock(failing);
-      failure = std::current_exception();
-      next = count;
-    }
-  };
-  std::vector<std::thread> threads;
-  for (std::size_t worker = 1; worker < std::min(workers, count); ++worker) threads.emplace_back(run, worker);
-  run(0);
-  for (std::thread& thread : threads) thread.join();
-  if (failure) std::rethrow_exception(failure);
-}
-
-/// The most expensive first, so that none is left for the end.
+/// Directions with a share, sorted into windows: the most expensive first, so that none is left for the end.
 std::vector<WindowPlan> plan_windows(
     const CoarseRays& coarse, int order, double ka, const IntegralShare& share, const Layout& layout,
     Columns columns, int outline_terms, std::size_t workers) {
@@ -619,7 +446,7 @@ std::vector<WindowPlan> plan_windows(
 void add_integral(
     RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const IntegralShare& share,
     const Layout& layout, Columns columns, const DirectionBuffers& directions, cl::Buffer& sums) {
-  if (share.empty()) return;
+  if (std::ranges::all_of(share, [](float value) { return value == 0; })) return;
   OpenCL& opencl = rays.cl();
   const Outline outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
   const Job job = rays.make_job(light, 2, order);
@@ -628,14 +455,12 @@ void add_integral(
   const auto plans = plan_windows(
       coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()), workers);
   if (plans.empty()) return;
-  const std::string_view sources[] = {embedded::kernel_kirchhoff};
+  const std::string_view sources[] = {embedded::kernel_outline, embedded::kernel_kirchhoff};
   cl::Program& program = rays.build(light, sources, true, " -DUNIFORM -DBEYOND");
   const cl::Buffer job_data = rays.job_buffer(job), outline_data = opencl.upload(outline.both());
-  static const std::vector<double> polynomials = tap_polynomials();
-  const cl::Buffer taps_data = opencl.upload(polynomials);
+  const cl::Buffer taps_data = opencl.upload(tap_polynomials());
   const int rows = static_cast<int>(layout.theta_deg.size());
-  const double spread_norm = 2 * std::cyl_bessel_i(0.0, beta) / taps;
-  const double scale = 0.5 * job.wave * spread_norm * spread_norm;
+  const double scale = 0.5 * job.wave * inverse_transform_scale() * inverse_transform_scale();
 
   const auto work = [&](std::size_t lane, const WindowPlan& plan, bool only_compile) {
     const Window& w = plan.window;
@@ -661,7 +486,7 @@ void add_integral(
     if (!only_compile) {
       auto* mapped = static_cast<double*>(
           queue.enqueueMapBuffer(grid_data, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size * sizeof(double)));
-      Transform(w.points[0], w.points[1], mapped).run();
+      GridTransform(w.points[0], w.points[1], mapped).run(mapped);
       queue.enqueueUnmapMemObject(grid_data, mapped);
     }
     queue.enqueueNDRangeKernel(

@@ -1,5 +1,5 @@
 // The far field of one order around one direction as a sum over its rays, Fourier transformed to directions. Needs
-// job.cl and trace.cl, built with CURVATURE, UNIFORM and BEYOND.
+// outline.cl, job.cl and trace.cl, built with CURVATURE, UNIFORM and BEYOND.
 //
 // Around the centre r0 of a window directions have coordinates rho, a longitude and a latitude. A ray that leaves in
 // direction d = r(rho_d), with optical path L between planes through the origin, has the momentum X = dr/drho . p there,
@@ -26,16 +26,21 @@ typedef struct {
   int unused;
 } cell_t;
 
+// 1 between full, 0 outside none; below and above.
+typedef struct {
+  double full[2], none[2];
+} taper_t;
+
 typedef struct {
   double r0[3], e1[3], e2[3];    // centre of the window and the axes of fields there
   double f0[3], f1[3], f2[3];    // rho is longitude (from f0 to f1) and latitude (towards f2) ..
   double latitude;               // .. less the centre's
   double shear;                  // D, of the longitude
-  double full[2][2], none[2][2]; // per axis, below and above: the taper is 1 between full, 0 outside none
+  taper_t taper[2];              // of longitude and latitude
   double centre[2];              // of X'
   double xi_per_length[2];       // grid phase per X'
   double points_per_xi[2];       // n / (2 pi)
-  double beta;                   // of the Kaiser-Bessel kernel
+  double tap_shape;              // of the Kaiser-Bessel kernel
   double modes_per_radian[2];    // rho to grid modes
   double alpha_step, psi_step;   // between rays
   double height_step;            // the same beyond the rim
@@ -52,33 +57,19 @@ FORCE_INLINE real taper_end(real a, double full, double none) {
   const real s = clamp((a - full) / (none - full), 0.0, 1.0), s2 = s * s;
   return 1.0 - s2 * s2 * s * (126.0 - s * (420.0 - s * (540.0 - s * (315.0 - 70.0 * s))));
 }
-FORCE_INLINE real taper(real a, constant const double* full, constant const double* none) {
-  return taper_end(a, full[0], none[0]) * taper_end(a, full[1], none[1]);
+FORCE_INLINE real taper(real a, constant const taper_t* t) {
+  return taper_end(a, t->full[0], t->none[0]) * taper_end(a, t->full[1], t->none[1]);
 }
 
 // 1 / transform of the Kaiser-Bessel kernel at xi, but for a constant factor.
-FORCE_INLINE real inverse_transform(real xi, double beta) {
-  const real y = sqrt(beta * beta - xi * xi * (0.25 * TAPS * TAPS));
+FORCE_INLINE real inverse_transform(real xi, double tap_shape) {
+  const real y = sqrt(tap_shape * tap_shape - xi * xi * (0.25 * TAPS * TAPS));
   return y / (exp(y) - exp(-y));
 }
 
 FORCE_INLINE vector3 constant3(constant const double* a) {
   const vector3 c = {(real)(a[0]), (real)(a[1]), (real)(a[2])};
   return c;
-}
-
-// A cosine series and its derivative (Clenshaw).
-FORCE_INLINE void outline_value(constant double* series, int terms, real cosine, real sine, real* value, real* slope) {
-  real b1 = 0.0, b2 = 0.0, c1 = 0.0, c2 = 0.0;
-  for (int n = terms - 1; n >= 1; --n) {
-    const real b = series[n] + 2.0 * cosine * b1 - b2, c = n * series[n] + 2.0 * cosine * c1 - c2;
-    b2 = b1;
-    b1 = b;
-    c2 = c1;
-    c1 = c;
-  }
-  *value = series[0] + cosine * b1 - b2;
-  *slope = -sine * c1;
 }
 
 // The grid must be zero; [y][x][8], parts as in store_jones(). outline: cosine series of the radius and of z over the
@@ -133,7 +124,7 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const real cos_2 = sqrt(fmax(ahead * ahead + east * east, 1e-12)), inverse_2 = 1.0 / cos_2;
       const real cos_1 = ahead * inverse_2, sin_1 = east * inverse_2;
       const real rho_1 = atan2(east, ahead), rho_2 = asin(clamp(sin_2, -1.0, 1.0)) - window->latitude;
-      weight *= taper(rho_1, window->full[0], window->none[0]) * taper(rho_2, window->full[1], window->none[1]);
+      weight *= taper(rho_1, &window->taper[0]) * taper(rho_2, &window->taper[1]);
       const mask useless = (out.valid < 0.5) | !(weight > 0.0) | (number > in_cell - 0.5) | (towards < -0.9);
       if (all(useless)) continue;
       const vector3 middle_1 = along3(scale3(cos_1, f0), sin_1, quarter);
@@ -158,7 +149,7 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const real index = beyond ? (real)(cell.index) : out.foci + foci_ahead(area_along(d, &out.spread)) - negative;
       const real x = X1 - window->centre[0], y = X2 - window->centre[1];
       const real xi_x = x * window->xi_per_length[0], xi_y = y * window->xi_per_length[1];
-      weight *= inverse_transform(xi_x, window->beta) * inverse_transform(xi_y, window->beta);
+      weight *= inverse_transform(xi_x, window->tap_shape) * inverse_transform(xi_y, window->tap_shape);
       weight = select(weight, (real)(0.0), useless);
       const real length = out.path + 0.5 * D * rho_1 * rho_1 + X1 * rho_1 + X2 * rho_2;
       const real half_turns = job->wave * length - 0.5 * index;

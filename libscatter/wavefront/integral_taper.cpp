@@ -1,0 +1,81 @@
+#include <scatter/optics/units.hpp>
+#include <scatter/wavefront/integral_taper.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace scatter::wavefront {
+namespace {
+
+/// A taper begins this far behind the rim's direction [rad].
+constexpr double behind_rim = 0.02;
+/// The taper keeps this far from the poles of theta and phi [rad], where azimuths change fast.
+constexpr double pole_margin = 0.07;
+
+} // namespace
+
+double smooth_step(double a, double inner_end, double outer_end) {
+  const double s = std::clamp((a - inner_end) / (outer_end - inner_end), 0.0, 1.0), s2 = s * s;
+  return 1 - s2 * s2 * s * (126 - s * (420 - s * (540 - s * (315 - 70 * s))));
+}
+
+double fresnel_width(int order, double ka) {
+  return std::sqrt(std::max(order, 2) / ka);
+}
+
+Taper theta_taper(int order, double ka, double theta, double half, std::span<const RimAngles> rim) {
+  const double fresnel = fresnel_width(order, ka);
+  // Fresnel's width at an angle from the rim's direction: there directions turn fast.
+  const auto rim_fresnel = [&](double angle) {
+    return std::max(fresnel, std::sqrt(8 / (ka * std::max(angle, 1e-6))));
+  };
+  // How far outward so many widths reach, where the rim lies `ahead` and its rays beyond.
+  const auto reach_along_rim = [&](double widths, double ahead) {
+    double low = std::max(ahead, 0.0), high = low + 3;
+    for (int step = 0; step < 30; ++step) {
+      const double middle = 0.5 * (low + high);
+      (middle < widths * rim_fresnel(middle - ahead) ? low : high) = middle;
+    }
+    return high;
+  };
+  Taper taper;
+  for (int end = 0; end < 2; ++end) {
+    const double sign = end == 0 ? -1 : 1;
+    double full = taper_begin * fresnel, none = taper_end * fresnel, rim_ahead = -1;
+    // A taper ends well before the rim or begins behind it, where directions have turned back with a kink;
+    // and it takes many of its widths where it falls on the rim's own rays.
+    for (const auto& [last, before] : rim) {
+      const double ahead = sign * last - half;
+      if (sign * before > sign * last) {
+        if (ahead > none) continue;
+        full = std::max(full, reach_along_rim(taper_begin, ahead));
+        none = std::max(none, reach_along_rim(taper_end, ahead));
+      } else if (ahead > -behind_rim) {
+        const double width = rim_fresnel(ahead);
+        if (taper_end * width + behind_rim < ahead) {
+          full = std::max(full, taper_begin * width);
+          none = std::max(none, taper_end * width);
+        } else {
+          rim_ahead = std::max(rim_ahead, ahead + behind_rim);
+        }
+      }
+    }
+    if (rim_ahead > full) {
+      full = rim_ahead;
+      none = std::max(none, full + (taper_end - taper_begin) * fresnel);
+    }
+    full = std::min(half + full, 1.2);
+    none = std::min(half + none, 1.5);
+    // Short of the poles of the coordinates.
+    const double pole = (end == 0 ? theta : pi - theta) - pole_margin;
+    if (none > pole) {
+      none = pole;
+      full = std::min(full, std::max(pole - 2 * fresnel, half));
+    }
+    taper.full[end] = sign * full;
+    taper.none[end] = sign * none;
+  }
+  return taper;
+}
+
+} // namespace scatter::wavefront

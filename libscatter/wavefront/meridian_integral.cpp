@@ -1,0 +1,777 @@
+// Method. Rays of one order are traced on rings around the light. At one azimuth phi every ring has one ray,
+// as long as the direction's azimuth grows with the impact's; all that belongs to a ray is a smooth periodic
+// function of the impact azimuth, so that a few rays a ring and its Fourier series give it. Over the rays of
+// one azimuth the far field is the integral
+//   S(theta) = -i exp(-i pi/4) k sqrt(k / (2 pi sin theta)) sum w sqrt|d(u,v)/d(X,phi)| E
+//              exp(i k (L + X (theta_ray - theta))) i^-mu dX,   X = dr/dtheta . p,
+// mu the focal lines to infinity less one where theta_ray falls while X grows: stationary phase gives
+// geometric optics, a fold of directions Airy's function. On a sphere X is the angular momentum, and the sum
+// is that of Debye's series.
+
+#include <scatter/exact/vector_clones.hpp>
+#include <scatter/optics/errors.hpp>
+#include <scatter/optics/fftw_planner.hpp>
+#include <scatter/optics/units.hpp>
+#include <scatter/wavefront/fourier_grid.hpp>
+#include <scatter/wavefront/integral_taper.hpp>
+#include <scatter/wavefront/meridian_integral.hpp>
+#include <scatter/wavefront/outline.hpp>
+#include <scatter/wavefront/side_by_side.hpp>
+
+#include <embedded/kernel_outline.hpp>
+#include <embedded/kernel_rings.hpp>
+#include <fftw3.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <map>
+#include <memory>
+#include <new>
+#include <numeric>
+#include <optional>
+#include <ranges>
+
+namespace scatter::wavefront {
+namespace {
+
+using compute::with_arguments;
+
+constexpr double band_deg = 12;
+constexpr int ray_lanes = 16; ///< RAY_LANES of the kernels
+/// Columns whose searched rays are in memory together.
+constexpr std::size_t columns_at_once = 512;
+/// Rays on a ring: at first, and at most.
+constexpr int fewest_azimuths = 32, most_azimuths = 128;
+/// The azimuth of directions grows at least this fast with that of the impact.
+constexpr double slowest_azimuth = 0.2;
+/// Away from the rim the determinant of (momentum, azimuth) falls to no less than this share of its largest
+/// on the ring.
+constexpr double least_determinant = 0.05;
+constexpr double rim_from = 0.93 * pi / 2;
+/// Change of momentum per angle between rays, at most.
+constexpr double steepest_momentum = 1.5;
+
+/// RING_FIELDS in kernels/rings.cl and their places.
+constexpr int ring_fields = 16;
+enum Field { turned, theta_of, path, momentum, determinant, jones, foci = 13, turning = 14, spreading = 15 };
+
+/// Directions of one column and band, and which rays they take.
+struct Stretch {
+  int column = 0, first = 0, end = 0; ///< rows
+  double middle = 0, half = 0;        ///< theta [rad]
+  Taper taper;
+  [[nodiscard]] double from() const { return middle + taper.none[0]; }
+  [[nodiscard]] double to() const { return middle + taper.none[1]; }
+};
+
+std::vector<Stretch> stretches(
+    const CoarseRays& coarse, int order, double ka, const IntegralShare& share, const Layout& layout,
+    Columns columns) {
+  const int rows = static_cast<int>(layout.theta_deg.size());
+  std::vector<Stretch> made;
+  for (int column = 0; column < columns.count(); ++column) {
+    const double phi = layout.phi_deg[columns.first + column] * radians_per_degree;
+    // The rim's directions near this azimuth.
+    std::vector<RimAngles> rim;
+    for (int j = 0; j < CoarseRays::azimuths; ++j) {
+      const auto& last = coarse.node(order, CoarseRays::alphas, j);
+      const auto& before = coarse.node(order, CoarseRays::alphas - 1, j);
+      if (!last.valid || !before.valid) continue;
+      const double apart = std::atan2(last.direction[1], last.direction[0]) - phi;
+      if (std::abs(apart - 2 * pi * std::rint(apart / (2 * pi))) > 0.06) continue;
+      const auto theta = [](const CoarseRays::Node& n) {
+        return std::atan2(std::hypot(n.direction[0], n.direction[1]), n.direction[2]);
+      };
+      rim.push_back({theta(last), theta(before)});
+    }
+    for (int row = 0; row < rows;) {
+      const int band = static_cast<int>(layout.theta_deg[row] / band_deg);
+      Stretch s;
+      s.column = column;
+      s.first = rows;
+      for (; row < rows && static_cast<int>(layout.theta_deg[row] / band_deg) == band; ++row) {
+        if (share[static_cast<std::size_t>(column) * rows + row] == 0) continue;
+        s.first = std::min(s.first, row);
+        s.end = row + 1;
+      }
+      if (s.first >= s.end) continue;
+      const double low = layout.theta_deg[s.first], high = layout.theta_deg[s.end - 1];
+      s.middle = 0.5 * (low + high) * radians_per_degree;
+      s.half = std::max(0.5 * (high - low) * radians_per_degree, 1e-4);
+      std::vector<RimAngles> from_middle = rim;
+      for (RimAngles& angles : from_middle) {
+        angles.last -= s.middle;
+        angles.before -= s.middle;
+      }
+      s.taper = theta_taper(order, ka, s.middle, s.half, from_middle);
+      made.push_back(s);
+    }
+  }
+  return made;
+}
+
+/// Where rings are.
+struct Places {
+  std::vector<double> at;       ///< angles, then one at the rim (without weight), then heights beyond it
+  std::vector<double> step;     ///< each one's share of the integral; 0 for the one at the rim
+  std::size_t first_beyond = 0; ///< heights from here on
+  double rim_from = 0;          ///< angles from which some rays come in or leave at grazing incidence
+};
+
+Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<const Stretch> stretches) {
+  constexpr double cell = 0.5 * pi / CoarseRays::alphas;
+  // Directions that some stretch takes rays from, joined to ranges.
+  struct Range {
+    double from, to;
+  };
+  std::vector<Range> ranges;
+  double spread = 0;
+  for (const Stretch& s : stretches) {
+    ranges.push_back({s.from(), s.to()});
+    spread = std::max(spread, s.half + std::max(s.taper.none[1], -s.taper.none[0]));
+  }
+  std::ranges::sort(ranges, {}, &Range::from);
+  std::vector<Range> joined;
+  for (const Range& range : ranges) {
+    if (joined.empty() || range.from > joined.back().to)
+      joined.push_back(range);
+    else
+      joined.back().to = std::max(joined.back().to, range.to);
+  }
+  std::vector<int> cells;
+  double steepest = 0;
+  for (int a = 0; a < CoarseRays::alphas; ++a) {
+    double low = pi, high = 0, change = 0;
+    for (int j = 0; j < CoarseRays::azimuths; ++j) {
+      double at_ends[2] = {};
+      int valid = 0;
+      for (int end = 0; end < 2; ++end) {
+        const auto& node = coarse.node(order, a + end, j);
+        if (!node.valid) continue;
+        const auto &d = node.direction, &p = node.point;
+        const double sine = std::hypot(d[0], d[1]), theta = std::atan2(sine, d[2]);
+        low = std::min(low, theta);
+        high = std::max(high, theta);
+        at_ends[end] = d[2] * (d[0] * p[0] + d[1] * p[1]) / std::max(sine, 1e-12) - sine * p[2];
+        if (sine > 0.05) ++valid;
+      }
+      if (valid == 2) change = std::max(change, std::abs(at_ends[1] - at_ends[0]));
+    }
+    const double margin = 0.02;
+    const bool wanted = std::ranges::any_of(
+        joined, [&](const Range& range) { return low - margin < range.to && high + margin > range.from; });
+    if (!wanted) continue;
+    cells.push_back(a);
+    steepest = std::max(steepest, std::min(change, steepest_momentum * cell));
+  }
+  Places places;
+  // Coarse rays are lost where they would leave beyond grazing.
+  int grazing = static_cast<int>(rim_from / cell);
+  for (int a = grazing; a > 0; --a)
+    for (int j = 0; j < CoarseRays::azimuths; ++j)
+      if (!coarse.node(order, a, j).valid) grazing = a - 1;
+  places.rim_from = grazing * cell;
+  const int per_cell = std::max(2, static_cast<int>(std::ceil(ka * steepest * spread / (pi * phase_step))));
+  for (const int a : cells)
+    for (int i = 0; i < per_cell; ++i) places.at.push_back((a + (i + 0.5) / per_cell) * cell);
+  places.step.assign(places.at.size(), cell / per_cell);
+  places.first_beyond = places.at.size();
+  if (cells.empty() || cells.back() != CoarseRays::alphas - 1) return places;
+  places.at.push_back(0.5 * pi - 1e-5);
+  places.step.push_back(0);
+  ++places.first_beyond;
+  // Beyond the rim waves die out within some Airy widths.
+  const double reach = rim_reach * std::cbrt(0.5 / (ka * ka));
+  const int heights =
+      std::max(24, static_cast<int>(std::ceil(ka * reach * 2 * spread / (pi * 0.5 * phase_step))));
+  for (int i = 0; i < heights; ++i) {
+    places.at.push_back((i + 0.5) * reach / heights);
+    places.step.push_back(reach / heights);
+  }
+  return places;
+}
+
+/// A ring's fields as Fourier series of the impact azimuth.
+class Ring {
+public:
+  enum class State {
+    series,   ///< all fields are smooth functions of the impact azimuth
+    unsmooth, ///< but each azimuth of directions has one ray: it is to be searched
+    none
+  };
+
+  Ring() = default;
+  /// samples: [field][azimuth].
+  Ring(std::span<const double> samples, fftw_plan plan, double ka, bool next_to_rim)
+      : samples_(samples.begin(), samples.end()), azimuths_(static_cast<int>(samples.size()) / ring_fields) {
+    state_ = describe(plan, ka, next_to_rim);
+  }
+  [[nodiscard]] State state() const { return state_; }
+  [[nodiscard]] int azimuths() const { return azimuths_; }
+  [[nodiscard]] double psi(int azimuth) const { return 2 * pi * azimuth / azimuths_; }
+  [[nodiscard]] double sample(Field field, int azimuth) const {
+    return samples_[static_cast<std::size_t>(field) * azimuths_ + azimuth];
+  }
+  [[nodiscard]] std::span<const double> samples(Field field) const {
+    return std::span(samples_).subspan(static_cast<std::size_t>(field) * azimuths_, azimuths_);
+  }
+
+  using Values = std::array<double, ring_fields>;
+
+  /// Impact azimuths between which lies that of the ray whose direction has this azimuth.
+  struct Bracket {
+    double low, high;
+  };
+  [[nodiscard]] Bracket around(double phi) const;
+
+  /// From the series: the ray whose direction has this azimuth; `turn` is what its azimuth may exceed its
+  /// impact's by, and becomes that.
+  struct Found {
+    Values values;
+    int nearest; ///< of the traced rays
+  };
+  [[nodiscard]] std::optional<Found> towards(double phi, double& turn) const;
+
+private:
+  State describe(fftw_plan plan, double ka, bool next_to_rim);
+
+  std::vector<double> samples_;
+  int azimuths_ = 0;
+  State state_ = State::none;
+  std::vector<double> azimuth_; ///< of directions, growing; one turn and its end
+  std::vector<double> series_;  ///< [harmonic][cosine, sine][field]
+};
+
+/// What a series may leave out of a field.
+double allowed_error(int field, double ka, double largest) {
+  switch (field) {
+  case path:
+  case theta_of:
+  case momentum:
+    return 5e-4 / ka;
+  case turned:
+  case turning:
+    return 5e-3 / ka;
+  case determinant:
+  case spreading:
+    return 1e-3 * largest;
+  default:
+    return 5e-4;
+  }
+}
+
+Ring::State Ring::describe(fftw_plan plan, double ka, bool next_to_rim) {
+  std::vector<double> unwrapped(azimuths_);
+  double least = 1e300, most = 0;
+  int negative = 0;
+  for (int j = 0; j < azimuths_; ++j) {
+    if (sample(foci, j) == -1) return State::none;
+    for (int f = 0; f < ring_fields; ++f)
+      if (!std::isfinite(sample(static_cast<Field>(f), j))) return State::none;
+    const double here = sample(turned, j), before = j == 0 ? here : unwrapped[j - 1];
+    unwrapped[j] = here - 2 * pi * std::rint((here - before) / (2 * pi));
+    const double size = std::abs(sample(determinant, j));
+    least = std::min(least, size);
+    most = std::max(most, size);
+    negative += sample(determinant, j) < 0 ? 1 : 0;
+  }
+  // Once around the ring the azimuth has grown by one turn.
+  if (std::abs(unwrapped.front() - unwrapped.back()) > 0.5 * pi) return State::none;
+  azimuth_.resize(azimuths_ + 1);
+  for (int j = 0; j < azimuths_; ++j) azimuth_[j] = psi(j) + unwrapped[j];
+  azimuth_.back() = azimuth_.front() + 2 * pi;
+  bool steady = true;
+  for (int j = 0; j < azimuths_; ++j) {
+    const double change = (azimuth_[j + 1] - azimuth_[j]) * azimuths_ / (2 * pi);
+    if (change <= 0) return State::none;
+    steady = steady && change > slowest_azimuth;
+  }
+  const bool one_sign = negative == 0 || negative == azimuths_;
+  if (!next_to_rim && (!one_sign || least < least_determinant * most)) return State::none;
+  if (!steady) return State::unsmooth;
+
+  const int harmonics = azimuths_ / 2;
+  series_.assign(static_cast<std::size_t>(harmonics) * 2 * ring_fields, 0.0);
+  int needed = 1;
+  std::vector<double> in(azimuths_);
+  std::vector<std::complex<double>> out(harmonics + 1);
+  for (int f = 0; f < ring_fields; ++f) {
+    if (f == foci) continue;
+    double largest = 0;
+    for (int j = 0; j < azimuths_; ++j) {
+      in[j] = f == turned ? unwrapped[j] : sample(static_cast<Field>(f), j);
+      largest = std::max(largest, std::abs(in[j]));
+    }
+    fftw_execute_dft_r2c(plan, in.data(), reinterpret_cast<fftw_complex*>(out.data()));
+    // What the series leave out is about as much as their last terms.
+    const double allowed = allowed_error(f, ka, largest);
+    double tail = 2 * std::abs(out[harmonics]) / azimuths_;
+    for (int h = 0; h < harmonics; ++h) {
+      const double factor = (h == 0 ? 1.0 : 2.0) / azimuths_, size = factor * std::abs(out[h]);
+      series_[(2 * h) * ring_fields + f] = factor * out[h].real();
+      series_[(2 * h + 1) * ring_fields + f] = -factor * out[h].imag();
+      if (h >= 3 * azimuths_ / 8) tail = std::max(tail, size);
+      if (size > 0.1 * allowed) needed = std::max(needed, h + 1);
+    }
+    if (tail > allowed) return State::unsmooth;
+  }
+  series_.resize(static_cast<std::size_t>(needed) * 2 * ring_fields);
+  return State::series;
+}
+
+Ring::Bracket Ring::around(double phi) const {
+  const double above = phi - 2 * pi * std::floor((phi - azimuth_.front()) / (2 * pi));
+  const auto next =
+      std::clamp<std::ptrdiff_t>(std::ranges::upper_bound(azimuth_, above) - azimuth_.begin(), 1, azimuths_);
+  return {psi(static_cast<int>(next) - 1), psi(static_cast<int>(next))};
+}
+
+/// Fields at the angle with this cosine and sine.
+SCATTER_VECTOR_CLONES
+void add_harmonics(const double* series, std::size_t harmonics, double cosine, double sine, double* values) {
+  double sums[ring_fields] = {}, c = 1, s = 0;
+  for (std::size_t h = 0; h < harmonics; ++h, series += 2 * ring_fields) {
+    for (int f = 0; f < ring_fields; ++f) sums[f] += c * series[f] + s * series[ring_fields + f];
+    const double next = c * cosine - s * sine;
+    s = s * cosine + c * sine;
+    c = next;
+  }
+  for (int f = 0; f < ring_fields; ++f) values[f] = sums[f];
+}
+
+std::optional<Ring::Found> Ring::towards(double phi, double& turn) const {
+  double psi = phi - turn;
+  Values values;
+  for (int step = 0; step < 20; ++step) {
+    add_harmonics(
+        series_.data(), series_.size() / (2 * ring_fields), std::cos(psi), std::sin(psi), values.data());
+    const double missed = psi + values[turned] - phi, away = missed - 2 * pi * std::rint(missed / (2 * pi));
+    if (std::abs(away) < 1e-9) {
+      turn = values[turned];
+      const int nearest = static_cast<int>(std::rint(psi / (2 * pi) * azimuths_));
+      return Found{values, ((nearest % azimuths_) + azimuths_) % azimuths_};
+    }
+    psi -= away / std::max(values[turning], 0.5 * slowest_azimuth);
+  }
+  return std::nullopt;
+}
+
+/// A plan for one length, freed with it.
+struct RealTransform {
+  explicit RealTransform(int size) {
+    std::vector<double> in(size);
+    std::vector<std::complex<double>> out(size / 2 + 1);
+    const std::lock_guard lock(fftw_planner());
+    plan = fftw_plan_dft_r2c_1d(
+        size, in.data(), reinterpret_cast<fftw_complex*>(out.data()), FFTW_ESTIMATE | FFTW_UNALIGNED);
+    if (plan == nullptr) throw std::bad_alloc();
+  }
+  ~RealTransform() {
+    const std::lock_guard lock(fftw_planner());
+    fftw_destroy_plan(plan);
+  }
+  RealTransform(const RealTransform&) = delete;
+  RealTransform& operator=(const RealTransform&) = delete;
+  fftw_plan plan;
+};
+
+/// The device's part: rings, and single rays of them.
+class RingProgram {
+public:
+  RingProgram(RayProgram& rays, const Light& light, int order, const Places& places)
+      : rays_(rays), places_(places), order_(order),
+        program_(rays.build(light, sources, true, " -DUNIFORM -DBEYOND")),
+        job_(rays.job_buffer(rays.make_job(light, 2, order))),
+        outline_(outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg)),
+        outline_data_(rays.cl().upload(outline_.both())) {}
+
+  /// Rings `which` of all places, in their order: [ring][field][azimuth].
+  [[nodiscard]] std::vector<double> rings(std::span<const std::size_t> which, int azimuths) {
+    const Chosen chosen = choose(which);
+    std::vector<double> samples(which.size() * ring_fields * azimuths);
+    const cl::Buffer out = rays_.cl().allocate<double>(samples.size());
+    run("trace_rings", chosen, azimuths, order_, out);
+    rays_.cl().download(out, std::span<double>(samples));
+    return samples;
+  }
+
+  /// Of the same the rays with azimuths phi, whose number is a multiple of ray_lanes: [ring][field][azimuth].
+  [[nodiscard]] std::vector<double>
+  meridians(std::span<const std::size_t> which, std::span<const Ring> rings, std::span<const double> phi) {
+    const Chosen chosen = choose(which);
+    std::vector<double> low, high;
+    for (const std::size_t r : which)
+      for (const double azimuth : phi) {
+        const Ring::Bracket bracket = rings[r].around(azimuth);
+        low.push_back(bracket.low);
+        high.push_back(bracket.high);
+      }
+    std::vector<double> values(which.size() * ring_fields * phi.size());
+    compute::OpenCL& opencl = rays_.cl();
+    const cl::Buffer out = opencl.allocate<double>(values.size());
+    run("trace_meridians", chosen, opencl.upload(phi), opencl.upload(low), opencl.upload(high),
+        static_cast<int>(phi.size()), order_, out);
+    opencl.download(out, std::span<double>(values));
+    return values;
+  }
+
+private:
+  static constexpr std::string_view sources[] = {embedded::kernel_outline, embedded::kernel_rings};
+  struct Chosen {
+    cl::Buffer at;
+    int count, first_beyond;
+  };
+  [[nodiscard]] Chosen choose(std::span<const std::size_t> which) {
+    std::vector<double> at;
+    for (const std::size_t ring : which) at.push_back(places_.at[ring]);
+    const auto beyond = std::ranges::lower_bound(which, places_.first_beyond) - which.begin();
+    return {rays_.cl().upload(at), static_cast<int>(which.size()), static_cast<int>(beyond)};
+  }
+  template <typename... Arguments>
+  void run(const char* kernel, const Chosen& chosen, const Arguments&... arguments) {
+    rays_.cl().queue.enqueueNDRangeKernel(
+        with_arguments(
+            cl::Kernel(program_, kernel), rays_.surface_buffer, job_, outline_data_,
+            static_cast<int>(outline_.radius.size()), chosen.at, chosen.count, chosen.first_beyond,
+            arguments...),
+        cl::NullRange, cl::NDRange(16 * rays_.device.info().compute_units), cl::NDRange(1));
+  }
+
+  RayProgram& rays_;
+  const Places& places_;
+  int order_;
+  cl::Program& program_;
+  cl::Buffer job_;
+  Outline outline_;
+  cl::Buffer outline_data_;
+};
+
+/// Each ring with as many rays as it needs.
+std::vector<Ring> make_rings(RingProgram& program, std::size_t workers, double ka, const Places& places) {
+  std::vector<Ring> rings(places.at.size());
+  std::vector<std::size_t> left(rings.size());
+  std::iota(left.begin(), left.end(), std::size_t{0});
+  for (int azimuths = fewest_azimuths; azimuths <= most_azimuths && !left.empty(); azimuths *= 2) {
+    const std::vector<double> samples = program.rings(left, azimuths);
+    const RealTransform transform(azimuths);
+    const std::size_t ring_size = static_cast<std::size_t>(ring_fields) * azimuths;
+    side_by_side(workers, left.size(), [&](std::size_t, std::size_t i) {
+      const std::size_t r = left[i];
+      rings[r] = Ring(
+          std::span(samples).subspan(i * ring_size, ring_size), transform.plan, ka,
+          r >= places.first_beyond || places.at[r] > places.rim_from);
+    });
+    std::erase_if(left, [&](std::size_t r) { return rings[r].state() != Ring::State::unsmooth; });
+  }
+  return rings;
+}
+
+/// Whether all rays that a stretch takes are of rings with one ray per azimuth.
+bool serves(std::span<const Ring> rings, const Stretch& s, double phi) {
+  return std::ranges::none_of(rings, [&](const Ring& ring) {
+    if (ring.state() != Ring::State::none) return false;
+    for (int j = 0; j < ring.azimuths(); ++j) {
+      const double theta = ring.sample(theta_of, j), apart = ring.psi(j) + ring.sample(turned, j) - phi;
+      if (!(theta < s.from() || theta > s.to() ||
+            std::abs(apart - 2 * pi * std::rint(apart / (2 * pi))) > 0.3))
+        return true;
+    }
+    return false;
+  });
+}
+
+/// What a column's momenta refer to: X' = X - dW/dtheta, W = bend (theta - theta_0)^2 / 2. Stationary phase
+/// does not depend on W. Rays that come in at the rim turn with the angle that they come in at; where that
+/// changes a drop's momenta, too, X would have a fold there that no caustic belongs to. On a sphere bend = 0.
+struct Reference {
+  double theta = 0, bend = 0;
+  [[nodiscard]] double path(double other) const { return 0.5 * bend * (other - theta) * (other - theta); }
+  [[nodiscard]] double momentum(double other) const { return bend * (other - theta); }
+};
+
+/// References by azimuth, from the ring at the rim.
+class References {
+public:
+  References() = default;
+  explicit References(const Ring& ring) {
+    const int count = ring.azimuths(), reach = count / 16;
+    std::vector<double> bend(count);
+    for (int j = 0; j < count; ++j) bend[j] = ring.sample(determinant, j) / ring.sample(spreading, j);
+    for (int j = 0; j < count; ++j) {
+      // Where rays leave at grazing incidence, too, the quotient has a pole: the median passes it by.
+      std::vector<double> nearby;
+      for (int i = -reach; i <= reach; ++i) nearby.push_back(bend[(j + i + count) % count]);
+      std::ranges::nth_element(nearby, nearby.begin() + reach);
+      by_azimuth_.push_back({ring.sample(theta_of, j), nearby[reach]});
+      offset_.push_back(ring.psi(j) + ring.sample(turned, j));
+    }
+  }
+  [[nodiscard]] bool empty() const { return by_azimuth_.empty(); }
+  /// Between the two rays around it.
+  [[nodiscard]] Reference at(double phi) const {
+    const std::size_t count = by_azimuth_.size();
+    const auto apart = [&](std::size_t j) {
+      const double a = phi - offset_[j];
+      return a - 2 * pi * std::rint(a / (2 * pi));
+    };
+    for (std::size_t j = 0; j < count; ++j) {
+      const std::size_t next = (j + 1) % count;
+      const double a = apart(j), b = apart(next);
+      if (a < 0 || b >= 0 || a - b > 1) continue;
+      const double share = a / (a - b);
+      return {
+          (1 - share) * by_azimuth_[j].theta + share * by_azimuth_[next].theta,
+          (1 - share) * by_azimuth_[j].bend + share * by_azimuth_[next].bend};
+    }
+    return {};
+  }
+
+private:
+  std::vector<Reference> by_azimuth_;
+  std::vector<double> offset_; ///< azimuths of directions
+};
+
+/// A ray of one azimuth.
+struct MeridianRay {
+  double theta, angular_momentum; ///< about the origin
+  double path, momentum;          ///< as the column's reference has them
+  double weight, index;
+  std::array<double, 8> jones;
+};
+
+/// The sum over rays for the directions of one stretch.
+class StretchSum {
+public:
+  explicit StretchSum(double wave) : wave_(wave) {}
+
+  void
+  add(const Stretch& s, std::span<const MeridianRay> rays, const Reference& reference, const Layout& layout,
+      double phi_deg, std::span<float> share, std::span<double> sums);
+
+private:
+  static std::array<double, taps> tap_values(double z) {
+    const std::vector<double>& polynomials = tap_polynomials();
+    std::array<double, taps> values{};
+    for (int tap = 0; tap < taps; ++tap) {
+      const double* const c = polynomials.data() + tap * (tap_degree + 1);
+      double value = c[tap_degree];
+      for (int n = tap_degree - 1; n >= 0; --n) value = value * z + c[n];
+      values[tap] = value;
+    }
+    return values;
+  }
+
+  double wave_;
+  std::vector<double> grid_;
+  struct Prepared {
+    std::unique_ptr<GridTransform> transform;
+    int modes = -1;
+    std::vector<double> corrections;
+  };
+  std::map<int, Prepared> prepared_; ///< by points
+};
+
+void StretchSum::add(
+    const Stretch& s, std::span<const MeridianRay> rays, const Reference& reference, const Layout& layout,
+    double phi_deg, std::span<float> share, std::span<double> sums) {
+  const double ka = pi * wave_;
+  const auto [lowest, highest] = std::ranges::minmax(rays | std::views::transform(&MeridianRay::momentum));
+  const double centre = 0.5 * (lowest + highest);
+  // In steps, so that many columns share their plans.
+  const double reach = std::ceil((0.5 * (highest - lowest) + 0.005) * 32) / 32;
+  // Modes lie so close that the extent of the momentum is 1 / oversampling of their period.
+  const double mode = pi / (oversampling * ka * reach), xi_per_length = ka * mode;
+  const int modes = static_cast<int>(s.half / mode) + taps, points = quick_size(2 * oversampling * modes);
+  const double points_per_xi = points / (2 * pi);
+  grid_.assign(8 * static_cast<std::size_t>(points), 0.0);
+  for (const MeridianRay& ray : rays) {
+    const double angle = ray.theta - s.middle;
+    if (angle <= s.taper.none[0] || angle >= s.taper.none[1]) continue;
+    const double xi = (ray.momentum - centre) * xi_per_length;
+    const double y = std::sqrt(tap_shape * tap_shape - xi * xi * (0.25 * taps * taps));
+    const double weight = ray.weight * s.taper(angle) * (y / (std::exp(y) - std::exp(-y)));
+    const double half_turns = wave_ * (ray.path + ray.momentum * angle) - 0.5 * ray.index;
+    // The next order in 1 / lambda of the partial wave lambda = k X that the ray stands for, at the direction
+    // that it is meant for: its phase, and the field's turn with the azimuth.
+    const double towards = s.middle + std::clamp(angle, -s.half, s.half);
+    const double sine_towards = std::sin(towards);
+    const double inverse_lambda =
+        1 / std::copysign(std::max(std::abs(ka * ray.angular_momentum), 5.0), ray.angular_momentum);
+    const double phase = 0.375 * inverse_lambda * std::cos(towards) / sine_towards,
+                 turned_by = inverse_lambda / sine_towards;
+    const double turns = pi * (half_turns - 2 * std::rint(0.5 * half_turns)) - phase;
+    const double c = weight * std::cos(turns), sine = weight * std::sin(turns);
+    // As azimuth grows, fields of incident x and y turn into -y and x on a sphere: E + i / (lambda sin theta)
+    // times (-dE_phi, dE_theta) / dphi.
+    const std::array<double, 8>& E = ray.jones;
+    const double jones[8] = {E[0] - turned_by * E[7], E[1] + turned_by * E[6], E[2] + turned_by * E[5],
+                             E[3] - turned_by * E[4], E[4] + turned_by * E[3], E[5] - turned_by * E[2],
+                             E[6] - turned_by * E[1], E[7] + turned_by * E[0]};
+    double value[8];
+    for (int part = 0; part < 4; ++part) {
+      value[part] = c * jones[part] - sine * jones[part + 4];
+      value[part + 4] = c * jones[part + 4] + sine * jones[part];
+    }
+    const double at = xi * points_per_xi + (0.5 * points - 0.5 * taps), first = std::ceil(at);
+    const int start = static_cast<int>(first);
+    if (!(std::abs(weight) < 1e300) || start < 0 || start + taps > points)
+      throw RunError("diffraction integral: a ray fell outside its window or is no number");
+    const auto tap = tap_values(2 * (first - at) - 1);
+    for (int i = 0; i < taps; ++i)
+      for (int part = 0; part < 8; ++part) grid_[8 * (start + i) + part] += tap[i] * value[part];
+  }
+  Prepared& prepared = prepared_[points];
+  if (!prepared.transform) prepared.transform = std::make_unique<GridTransform>(points, 1, grid_.data());
+  if (prepared.modes != modes) {
+    prepared.modes = modes;
+    prepared.corrections = mode_corrections(modes, points);
+  }
+  prepared.transform->run(grid_.data());
+
+  const double scale = std::sqrt(ka / (2 * pi)) * inverse_transform_scale();
+  const double cos_phi = cos_deg(phi_deg), sin_phi = sin_deg(phi_deg);
+  for (int row = s.first; row < s.end; ++row) {
+    if (share[row] == 0) continue;
+    const double theta_deg = layout.theta_deg[row], rho = theta_deg * radians_per_degree - s.middle;
+    const double at = rho / mode - 0.5 * taps, first = std::ceil(at);
+    const int start = static_cast<int>(first);
+    const auto tap = tap_values(2 * (first - at) - 1);
+    double sum[8] = {};
+    for (int i = 0; i < taps; ++i) {
+      const int m = start + i, point = m < 0 ? m + points : m;
+      const double factor = tap[i] * prepared.corrections[m + modes];
+      for (int part = 0; part < 8; ++part) sum[part] += factor * grid_[8 * point + part];
+    }
+    const double half_turns = wave_ * (rho * centre + reference.path(theta_deg * radians_per_degree)) + 0.75;
+    const double turns = -pi * (half_turns - 2 * std::rint(0.5 * half_turns));
+    const std::complex<double> factor = std::polar(scale * share[row] / std::sqrt(sin_deg(theta_deg)), turns);
+    // From (theta, phi) to transverse_basis().
+    const double h = theta_deg > 90 ? -1 : 1;
+    for (int x = 0; x < 4; x += 2) {
+      const std::complex<double> along_theta = factor * std::complex(sum[x], sum[x + 4]);
+      const std::complex<double> along_phi = factor * std::complex(sum[x + 1], sum[x + 5]);
+      const std::complex<double> e1 = h * cos_phi * along_theta - sin_phi * along_phi;
+      const std::complex<double> e2 = sin_phi * along_theta + h * cos_phi * along_phi;
+      double* const to = sums.data() + 8 * static_cast<std::size_t>(row) + x;
+      to[0] += e1.real();
+      to[1] += e2.real();
+      to[4] += e1.imag();
+      to[5] += e2.imag();
+    }
+    share[row] = 0;
+  }
+}
+
+} // namespace
+
+void add_meridian_integral(
+    RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& layout,
+    Columns columns, IntegralShare& share, std::span<double> sums) {
+  const Job job = rays.make_job(light, 2, order);
+  const double ka = pi * job.wave;
+  const std::vector<Stretch> all = stretches(coarse, order, ka, share, layout, columns);
+  if (all.empty()) return;
+  const Places places = ring_places(coarse, order, ka, all);
+  if (places.at.empty()) return;
+  const std::size_t workers = rays.device.info().compute_units;
+
+  RingProgram program(rays, light, order, places);
+  const std::vector<Ring> rings = make_rings(program, workers, ka, places);
+  std::vector<char> served;
+  for (const Stretch& s : all)
+    served.push_back(serves(rings, s, layout.phi_deg[columns.first + s.column] * radians_per_degree));
+  References references;
+  if (places.first_beyond < rings.size() && rings[places.first_beyond - 1].state() != Ring::State::none)
+    references = References(rings[places.first_beyond - 1]);
+  // Columns with their stretches.
+  struct ColumnWork {
+    int column;
+    std::size_t first, end;
+  };
+  std::vector<ColumnWork> work;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (served[i] == 0) continue;
+    if (work.empty() || work.back().column != all[i].column) work.push_back({all[i].column, i, i});
+    work.back().end = i + 1;
+  }
+  std::vector<std::size_t> searched;
+  for (std::size_t r = 0; r < rings.size(); ++r)
+    if (rings[r].state() == Ring::State::unsmooth) searched.push_back(r);
+  std::vector<StretchSum> sum_of_worker;
+  for (std::size_t worker = 0; worker < workers; ++worker) sum_of_worker.emplace_back(job.wave);
+  const std::size_t rows = layout.theta_deg.size();
+  for (std::size_t start = 0; start < work.size(); start += columns_at_once) {
+    const auto some = std::span(work).subspan(start, std::min(columns_at_once, work.size() - start));
+    std::vector<double> phi;
+    for (const ColumnWork& w : some)
+      phi.push_back(layout.phi_deg[columns.first + w.column] * radians_per_degree);
+    phi.resize((phi.size() + ray_lanes - 1) / ray_lanes * ray_lanes, phi.back());
+    const std::vector<double> found =
+        searched.empty() ? std::vector<double>{} : program.meridians(searched, rings, phi);
+    side_by_side(workers, some.size(), [&](std::size_t worker, std::size_t c) {
+      const int column = some[c].column;
+      // A ray in the order of the rings; `lines` are its focal lines.
+      struct Found {
+        Ring::Values values{};
+        std::array<double, 4> traced{}; ///< focal lines, theta, both determinants: of one traced ray nearby
+      };
+      std::vector<Found> rays_of_rings(rings.size());
+      double turn = 0;
+      std::size_t next_searched = 0;
+      for (std::size_t r = 0; r < rings.size(); ++r) {
+        const Ring& ring = rings[r];
+        if (ring.state() == Ring::State::none) continue;
+        Found& ray = rays_of_rings[r];
+        if (ring.state() == Ring::State::series) {
+          const auto from_series = ring.towards(phi[c], turn);
+          if (!from_series)
+            throw RunError("diffraction integral: no ray of a ring has the azimuth asked for");
+          ray.values = from_series->values;
+          const auto traced = [&](Field field) { return ring.sample(field, from_series->nearest); };
+          ray.traced = {traced(foci), traced(theta_of), traced(determinant), traced(spreading)};
+        } else {
+          const double* const from = found.data() + (next_searched++ * ring_fields) * phi.size() + c;
+          for (int f = 0; f < ring_fields; ++f) ray.values[f] = from[f * phi.size()];
+          ray.traced = {
+              ray.values[foci], ray.values[theta_of], ray.values[determinant], ray.values[spreading]};
+        }
+      }
+      const Reference reference = references.empty() ? Reference{} : references.at(phi[c]);
+      std::vector<MeridianRay> meridian;
+      double lines = 0;
+      bool spreads = false;
+      for (std::size_t r = 0; r < rings.size(); ++r) {
+        if (rings[r].state() == Ring::State::none) continue;
+        const auto& [values, traced] = rays_of_rings[r];
+        // Focal lines less one where theta falls while the momentum grows. Rays that tunnel in or out keep
+        // the focal lines of the last one that did not.
+        const double by_momentum = traced[2] - reference.bend * traced[3];
+        const bool tunnels = traced[0] < 0 || r + 1 >= places.first_beyond;
+        if (!tunnels || meridian.empty()) {
+          lines = traced[0];
+          spreads = traced[3] < 0;
+        }
+        const double index = lines - ((by_momentum < 0) != spreads ? 1 : 0);
+        MeridianRay ray{
+            values[theta_of],
+            values[momentum],
+            values[path] + reference.path(values[theta_of]),
+            values[momentum] - reference.momentum(values[theta_of]),
+            places.step[r] * std::sqrt(std::abs(values[determinant] - reference.bend * values[spreading])),
+            index,
+            {}};
+        std::copy_n(values.begin() + jones, 8, ray.jones.begin());
+        meridian.push_back(ray);
+      }
+      for (std::size_t i = some[c].first; i < some[c].end; ++i)
+        if (served[i])
+          sum_of_worker[worker].add(
+              all[i], meridian, reference, layout, layout.phi_deg[columns.first + column],
+              std::span<float>(share).subspan(column * rows, rows),
+              sums.subspan(column * rows * 8, rows * 8));
+    });
+  }
+}
+
+} // namespace scatter::wavefront
