@@ -68,10 +68,23 @@ Frame tangent_frame(const Cloth::Strand& strand, const Cloth::Tangent& tangent) 
       {strand.sin_direction, -strand.cos_direction, 0}};
 }
 
-/// How well a tangent is seen from w: the masking and the projection of one direction.
-double visibility(const Frame& frame, const glm::dvec3& w) {
-  const double up = glm::dot(w, frame.normal);
-  return cosine_between(up, glm::dot(w, frame.binormal)) * cosine_between(up, glm::dot(w, frame.tangent));
+/// Calls see(strand, frame, weight) for every tangent that is seen from the view, weighed by its area, its
+/// masking and its projection for that direction alone. Returns the sum of the weights.
+template <typename See>
+double for_each_seen(std::span<const Cloth::Strand> strands, const glm::dvec3& view, const See& see) {
+  double seen = 0;
+  for (std::size_t j = 0; j < strands.size(); ++j)
+    for (const Cloth::Tangent& tangent : strands[j].tangents) {
+      const Frame frame = tangent_frame(strands[j], tangent);
+      const double up = glm::dot(view, frame.normal);
+      const double weight = strands[j].coverage * tangent.share *
+                            (cosine_between(up, glm::dot(view, frame.binormal)) *
+                             cosine_between(up, glm::dot(view, frame.tangent)));
+      if (!(weight > 0)) continue;
+      seen += weight;
+      see(j, frame, weight);
+    }
+  return seen;
 }
 
 } // namespace
@@ -260,15 +273,10 @@ void Cloth::eval(
 }
 
 double Cloth::pdf(const glm::dvec3& light, const glm::dvec3& view) const {
-  double sum = 0, seen = 0;
-  for (std::size_t j = 0; j < strands_.size(); ++j)
-    for (const Tangent& tangent : strands_[j].tangents) {
-      const Frame frame = tangent_frame(strands_[j], tangent);
-      const double weight = strands_[j].coverage * tangent.share * visibility(frame, view);
-      if (!(weight > 0)) continue;
-      seen += weight;
-      sum += weight * threads_[j].pdf(thread_angles(frame, view, light));
-    }
+  double sum = 0;
+  const double seen = for_each_seen(strands_, view, [&](std::size_t j, const Frame& frame, double weight) {
+    sum += weight * threads_[j].pdf(thread_angles(frame, view, light));
+  });
   return seen > 0 ? sum / seen : 0;
 }
 
@@ -282,15 +290,9 @@ ClothSample Cloth::sample(const glm::dvec3& view, const std::array<double, 4>& u
     double until;
   };
   std::vector<Choice> choices;
-  double seen = 0;
-  for (std::size_t j = 0; j < strands_.size(); ++j)
-    for (const Tangent& tangent : strands_[j].tangents) {
-      const Frame frame = tangent_frame(strands_[j], tangent);
-      const double weight = strands_[j].coverage * tangent.share * visibility(frame, view);
-      if (!(weight > 0)) continue;
-      seen += weight;
-      choices.push_back({j, frame, seen});
-    }
+  const double seen = for_each_seen(strands_, view, [&](std::size_t j, const Frame& frame, double weight) {
+    choices.push_back({j, frame, (choices.empty() ? 0 : choices.back().until) + weight});
+  });
   if (choices.empty()) return picked;
   const auto choice = std::ranges::find_if(choices, [&](const Choice& c) { return u[3] * seen < c.until; });
   const Choice& chosen = choice != choices.end() ? *choice : choices.back();
