@@ -135,28 +135,12 @@ Rgb ArtistHair::eval_scattered(const Angles& at, const Rgb& variance) const {
 }
 
 double ArtistHair::longitudinal_energy(std::size_t lobe, double theta_i) const {
-  const LongitudinalKernel& kernel = kernels_[lobe];
-  const double centre = 2 * kernel.shift() - theta_i, deviation = 2 * kernel.width();
-  const double first = std::max(-pi / 2, centre - 9 * deviation);
-  const double last = std::min(pi / 2, centre + 9 * deviation);
-  if (!(last > first)) return 0;
   using Sum = std::array<double, 1>;
-  const auto at = [&](double theta_o) {
-    const double ratio = std::cos(theta_o) / std::cos(0.5 * (theta_o - theta_i));
-    return Sum{kernel(0.5 * (theta_i + theta_o)) * ratio * ratio};
-  };
-  const int panels = static_cast<int>(std::ceil((last - first) / std::min(deviation, 0.17)));
-  double sum = 0;
-  for (int i = 0; i < panels; ++i)
-    sum += integrate<Sum>(
-        at, first + (last - first) * i / panels, first + (last - first) * (i + 1) / panels, 1e-14)[0];
-  return sum;
+  return integral_along<Sum>(kernels_[lobe], theta_i, 1e-14, [](double) { return Sum{1}; })[0];
 }
 
 std::vector<LobeEnergy> ArtistHair::lobe_energies(double theta_i) const {
-  if (!(std::abs(theta_i) < pi / 2))
-    throw InputError(
-        "theta_i: the inclination of the light must lie between -90 deg and 90 deg, both excluded");
+  check_inclination(theta_i);
   std::vector<LobeEnergy> found;
   for (std::size_t lobe = 0; lobe < lobe_count; ++lobe) {
     const double along = longitudinal_energy(lobe, theta_i);
@@ -211,30 +195,17 @@ double ArtistHair::pdf(const Angles& at) const {
 
 ScatteringSample ArtistHair::sample(double theta_i, const std::array<double, 3>& u) const {
   theta_i = bounded({theta_i, 0, 0}).theta_i;
-  const auto q = choice(theta_i);
-  std::size_t part = 0;
-  double left = u[0];
-  while (part + 1 < part_count && left >= q[part]) left -= q[part++];
-  while (part > 0 && q[part] == 0) --part; // rounding may lead beyond the last
-  ScatteringSample sample;
-  sample.theta_o = kernels_[std::min(part, lobe_count - 1)].sample(theta_i, u[1]);
+  const std::size_t part = chosen(choice(theta_i), u[0]);
+  const double theta_o = kernels_[std::min(part, lobe_count - 1)].sample(theta_i, u[1]);
   // One number draws the sign and the size of phi.
   const double sign = u[2] < 0.5 ? -1 : 1, size = u[2] < 0.5 ? 2 * u[2] : 2 * u[2] - 1;
-  if (part == 1)
-    sample.phi = sign * TruncatedNormal(pi, parameters_.transmission_azimuthal_width, 0, pi).sample(size);
-  else if (part == 3)
-    sample.phi =
-        sign *
-        TruncatedNormal(parameters_.glint_half_angle, parameters_.glint_azimuthal_width, 0, pi).sample(size);
-  else
-    sample.phi = 2 * std::asin(2 * u[2] - 1);
-  sample.phi = wrap_angle(sample.phi);
-  const Angles angles{theta_i, sample.theta_o, sample.phi};
-  sample.pdf = pdf(angles);
-  const Rgb value = eval(angles);
-  for (std::size_t c = 0; c < 3; ++c)
-    sample.weight[c] = sample.pdf > 0 ? value[c] * std::cos(sample.theta_o) / sample.pdf : 0;
-  return sample;
+  const auto drawn = [&](double mean, double width) {
+    return sign * TruncatedNormal(mean, width, 0, pi).sample(size);
+  };
+  const double phi = part == 1   ? drawn(pi, parameters_.transmission_azimuthal_width)
+                     : part == 3 ? drawn(parameters_.glint_half_angle, parameters_.glint_azimuthal_width)
+                                 : 2 * std::asin(2 * u[2] - 1);
+  return weighed({theta_i, theta_o, wrap_angle(phi)});
 }
 
 NormalisedScattering::NormalisedScattering(

@@ -53,9 +53,7 @@ LadderSums ladder_sums(
 }
 
 AssemblyAverages assembly_averages(const FiberScattering& fiber, double theta_i, Variant variant) {
-  if (!(std::abs(theta_i) < pi / 2))
-    throw InputError(fmt::format(
-        "theta_i: {:g} deg is not between -90 deg and 90 deg, both excluded", theta_i / radians_per_degree));
+  check_inclination(theta_i);
   const std::vector<LobeEnergy> lobes = fiber.lobe_energies(theta_i);
   AssemblyAverages averages;
   for (std::size_t c = 0; c < 3; ++c) {

@@ -1,6 +1,7 @@
 #include <scatter/compute/opencl.hpp>
 #include <scatter/fiber/cloth_program.hpp>
 #include <scatter/fiber/weave_kernel.hpp>
+#include <scatter/optics/errors.hpp>
 
 #include <embedded/kernel_cloth.hpp>
 
@@ -19,6 +20,8 @@ static_assert(sizeof(glm::dvec3) == 3 * sizeof(double) && sizeof(Rgb) == 3 * siz
 } // namespace
 
 ClothProgram::ClothProgram(const Cloth& cloth, const compute::Device& device) : device_(device) {
+  if (cloth.masking() != FamilyMasking::none)
+    throw InputError("cloth: devices do not know threads that hide those of other directions; use the host");
   const WeaveConstants& weave = cloth.constants();
   strand_count_ = static_cast<int>(weave.count);
   gap_ = weave.gap;

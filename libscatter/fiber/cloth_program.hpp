@@ -11,7 +11,8 @@ namespace scatter::fiber {
 class ClothProgram {
 public:
   /// Copies what it needs of the cloth. Builds the kernel when first used: one or two seconds when the
-  /// driver has not kept it. Throws compute::DeviceError.
+  /// driver has not kept it. Throws compute::DeviceError; InputError for a cloth whose families hide each
+  /// other, which devices do not know.
   ClothProgram(const Cloth& cloth, const compute::Device& device);
 
   /// As Cloth::eval(), and agrees with it to 1e-12 relative. Throws as it does, and compute::DeviceError.

@@ -1,317 +1,346 @@
-// A point of the section is (a cos s, b sin s). Seen from the light it lies at the offset w sin(s - s0), so
-// that g = s - s0, -pi/2 .. pi/2, runs over what is lit and nothing is singular at the rims. A ray and its
-// derivative by g are traced together.
+// Critical g, where an order begins or ceases to be reflected totally, and caustics are zeros of curves known
+// with their derivatives, sampled until cubics through the samples know what is between them. Between
+// critical g everything is analytic in u, g = from + (to - from) sin^2(pi u / 2).
 
 #include <scatter/fiber/elliptical_section.hpp>
+#include <scatter/fiber/elliptical_tracer.hpp>
+#include <scatter/fiber/quadrature.hpp>
 #include <scatter/fiber/ray_section.hpp>
 #include <scatter/optics/errors.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
-#include <optional>
+#include <vector>
 
 namespace scatter::fiber {
 namespace {
 
 constexpr double pi = std::numbers::pi;
 constexpr int most_orders = 64;
+constexpr double smooth_tolerance = 5e-16; ///< of integrals over a smooth piece
+constexpr double kinked_tolerance = 1e-14; ///< over a piece with ever smaller kinks
 
-/// A value and its derivative.
-struct Dual {
-  double v = 0, d = 0;
-  Dual() = default;
-  Dual(double value, double derivative = 0) : v(value), d(derivative) {} // NOLINT: constants are duals
-};
-Dual operator+(Dual a, Dual b) {
-  return {a.v + b.v, a.d + b.d};
-}
-Dual operator-(Dual a, Dual b) {
-  return {a.v - b.v, a.d - b.d};
-}
-Dual operator*(Dual a, Dual b) {
-  return {a.v * b.v, a.d * b.v + a.v * b.d};
-}
-Dual operator/(Dual a, Dual b) {
-  const double q = a.v / b.v;
-  return {q, (a.d - q * b.d) / b.v};
-}
-Dual root(Dual a) {
-  const double r = std::sqrt(a.v);
-  return {r, r > 0 ? a.d / (2 * r) : 0};
-}
+using Tracer = EllipticalTracer<double>;
 
-struct Vector {
-  Dual x, y;
-};
-Dual dot(const Vector& a, const Vector& b) {
-  return a.x * b.x + a.y * b.y;
-}
-Vector along(const Vector& a, Dual s, const Vector& b) {
-  return {a.x + s * b.x, a.y + s * b.y};
-}
-
-/// One ray of one order on leaving; `out` is false where it is reflected totally instead.
-struct Leaving {
-  bool out = false;
-  double phi = 0, turn = 0; ///< azimuth less the light's, any turn; its derivative by g
-  double energy = 0;        ///< A_p
-};
-
-/// Where the light of a ray went: logarithms of the shares that remained, and what is inside at last.
-struct Losses {
-  double left = 0, absorbed = 0, inside = 0;
-};
-
-class Tracer {
-public:
-  Tracer(double eta, double sigma_a, double a, double b, double theta_d, double phi_i)
-      : a_(a), b_(b), sigma_a_(sigma_a), eta2_(eta * eta), phi_i_(phi_i) {
-    const double c = std::cos(theta_d);
-    cos_d_ = c;
-    contrast_ = (eta - 1) * (eta + 1);
-    excess_ = contrast_ / (c * c);
-    index_ = std::sqrt(1 + excess_);
-    cos_t_ = std::sqrt(contrast_ + c * c) / eta;
-    start_ = std::atan2(a * std::sin(phi_i), b * std::cos(phi_i));
-    width_ = std::hypot(a * std::sin(phi_i), b * std::cos(phi_i));
-  }
-
-  /// Calls left(order, Leaving) for order 0, 1, ... until it returns false or no light is left.
-  template <typename Left>
-  void trace(double g, Left&& left, Losses* losses = nullptr) const {
-    const Dual sine(std::sin(start_ + g), std::cos(start_ + g)),
-        cosine(std::cos(start_ + g), -std::sin(start_ + g));
-    Vector at{a_ * cosine, b_ * sine};
-    const Dual size = root(b_ * b_ * cosine * cosine + a_ * a_ * sine * sine);
-    Vector normal{b_ * cosine / size, a_ * sine / size};
-    const Vector d{-std::cos(phi_i_), -std::sin(phi_i_)};
-    const Dual c1 = Dual(width_ * std::cos(g), -width_ * std::sin(g)) / size; // -d . normal
-    const double F = reflectivity(c1.v);
-    if (losses != nullptr) losses->inside = through(c1.v);
-    if (!left(0, leaving(along(d, 2 * c1, normal), F))) return;
-    const Dual W = root(excess_ + c1 * c1); // eta' times the cosine inside
-    Vector t = along({d.x / index_, d.y / index_}, (c1 - W) / index_, normal);
-    double light = through(c1.v);
-    for (int order = 1; light > 1e-18; ++order) {
-      const Dual px = at.x / (a_ * a_), py = at.y / (b_ * b_);
-      const Dual length = -2 * (px * t.x + py * t.y) / (t.x * t.x / (a_ * a_) + t.y * t.y / (b_ * b_));
-      at = along(at, length, t);
-      const double depth = sigma_a_ * length.v / cos_t_;
-      light *= std::exp(-depth);
-      if (losses != nullptr) losses->absorbed += depth;
-      const Dual nx = at.x / (a_ * a_), ny = at.y / (b_ * b_), n = root(nx * nx + ny * ny);
-      normal = {nx / n, ny / n};
-      const Dual ci = dot(t, normal), square = index_ * index_ * ci * ci - excess_;
-      if (square.v > 0) {
-        const Dual co = root(square);
-        const Vector out = along({index_ * t.x, index_ * t.y}, co - index_ * ci, normal);
-        const double passed = through(co.v);
-        const double before = light;
-        light *= reflectivity(co.v);
-        if (losses != nullptr) {
-          losses->left -= std::log1p(-passed);
-          losses->inside = light;
-        }
-        if (!left(order, leaving(out, before * passed))) return;
-      } else {
-        if (losses != nullptr) losses->inside = light;
-        if (!left(order, Leaving{})) return;
-      }
-      t = along(t, -2 * ci, normal);
+/// Between a and b, where f changes its sign: false position and halving in turn, until rounding ends it.
+template <typename Function>
+double bracketed(double a, double at_a, double b, double at_b, Function&& f) {
+  const double least = 2e-16 * std::max(std::abs(a), std::abs(b));
+  for (int step = 0; step < 200 && b - a > least; ++step) {
+    double middle = 0.5 * (a + b);
+    if (step % 3 != 2) {
+      const double chord = (a * at_b - b * at_a) / (at_b - at_a), nudge = 0.5 * least;
+      if (chord > a && chord < b) middle = std::clamp(chord, a + nudge, b - nudge);
+    }
+    if (middle <= a || middle >= b) break;
+    const double at = f(middle);
+    if (at == 0) return middle;
+    if ((at > 0) == (at_a > 0)) {
+      a = middle;
+      at_a = at;
+    } else {
+      b = middle;
+      at_b = at;
     }
   }
-
-  [[nodiscard]] Leaving at(double g, int order) const {
-    Leaving found;
-    trace(g, [&](int p, const Leaving& leaving) {
-      if (p == order) found = leaving;
-      return p < order;
-    });
-    return found;
-  }
-
-  /// Of the orders from first on. What is inside after many crossings, where total reflection guides it, is
-  /// shared out as it was lost until then: to the outside and to absorption.
-  [[nodiscard]] double energy_from(double g, int first) const {
-    // Without absorption all that is inside leaves at last.
-    const int last = sigma_a_ > 0 ? first + 1000 : first - 1;
-    if (last < 0) return 1;
-    double sum = 0;
-    Losses losses;
-    trace(
-        g,
-        [&](int p, const Leaving& leaving) {
-          if (p >= first) sum += leaving.energy;
-          return p < last;
-        },
-        &losses);
-    const double all = losses.left + losses.absorbed;
-    return sum + losses.inside * (all > 0 ? losses.left / all : 1);
-  }
-
-private:
-  [[nodiscard]] double reflectivity(double cos_gamma) const {
-    const double c = cos_d_ * cos_gamma, w = std::sqrt(contrast_ + c * c), s = c + w, p = eta2_ * c + w;
-    const double r_s = contrast_ / (s * s), r_p = contrast_ * (1 - (eta2_ + 1) * c * c) / (p * p);
-    return (r_s * r_s + r_p * r_p) / 2;
-  }
-  [[nodiscard]] double through(double cos_gamma) const {
-    const double c = cos_d_ * cos_gamma, w = std::sqrt(contrast_ + c * c), s = c + w, p = eta2_ * c + w;
-    return 2 * c * w * (1 / (s * s) + eta2_ / (p * p));
-  }
-  [[nodiscard]] Leaving leaving(const Vector& out, double energy) const {
-    Leaving result;
-    result.out = true;
-    result.phi = std::atan2(out.y.v, out.x.v) - phi_i_;
-    result.turn = (out.x.v * out.y.d - out.y.v * out.x.d) / (out.x.v * out.x.v + out.y.v * out.y.v);
-    result.energy = energy;
-    return result;
-  }
-
-  double a_, b_, sigma_a_, eta2_, phi_i_;
-  double cos_d_ = 1, contrast_ = 0, excess_ = 0, index_ = 1, cos_t_ = 1, start_ = 0, width_ = 1;
-};
-
-/// Halves [a, b], where `first` holds at a and not at b, until nothing lies between.
-template <typename Holds>
-std::pair<double, double> boundary(double a, double b, Holds&& holds) {
-  for (int step = 0; step < 80; ++step) {
-    const double middle = 0.5 * (a + b);
-    if (middle == a || middle == b) break;
-    (holds(middle) ? a : b) = middle;
-  }
-  return {a, b};
+  return 0.5 * (a + b);
 }
 
-/// The pieces of an order: stretches of g where its rays leave and their azimuth turns one way.
+/// A function and its derivative at one place; below `noise` its sign is rounding's.
+struct Curve {
+  double v = 0, d = 0, noise = 0;
+};
+
+struct Sample {
+  double x = 0, phi = 0;
+  std::vector<Curve> curves;
+};
+
+/// Whether the cubics through a and b with their derivatives know what is at m, half way.
+bool resolved(const Sample& a, const Sample& m, const Sample& b) {
+  constexpr double share = 0.02, largest_step = 0.7;
+  if (std::abs(std::remainder(m.phi - a.phi, 2 * pi)) > largest_step ||
+      std::abs(std::remainder(b.phi - m.phi, 2 * pi)) > largest_step)
+    return false;
+  const double width = b.x - a.x;
+  for (std::size_t k = 0; k < m.curves.size(); ++k) {
+    const Curve &l = a.curves[k], &c = m.curves[k], &r = b.curves[k];
+    const double size =
+        share * std::max({std::abs(l.v), std::abs(c.v), std::abs(r.v)}) + l.noise + c.noise + r.noise;
+    if (!(std::abs(c.v - 0.5 * (l.v + r.v) - width * (l.d - r.d) / 8) <= size)) return false;
+    if (!(std::abs(c.d * width - 1.5 * (r.v - l.v) + 0.25 * width * (l.d + r.d)) <= 4 * size)) return false;
+  }
+  return true;
+}
+
+template <typename At>
+void refine(const Sample& a, const Sample& b, int depth, At&& at, std::vector<Sample>& found) {
+  const Sample middle = at(0.5 * (a.x + b.x));
+  if (depth > 0 && !resolved(a, middle, b) && found.size() < 100000) {
+    refine(a, middle, depth - 1, at, found);
+    refine(middle, b, depth - 1, at, found);
+    return;
+  }
+  found.push_back(middle);
+  found.push_back(b);
+}
+
+/// Samples at the places, increasing, and between them so dense that curves are cubics.
+template <typename At>
+std::vector<Sample> samples(const std::vector<double>& places, At&& at) {
+  std::vector<Sample> found{at(places.front())};
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    if (!(places[i] > places[i - 1])) continue;
+    const Sample begin = found.back();
+    refine(begin, at(places[i]), 44, at, found);
+  }
+  return found;
+}
+
+/// Zeros of a curve of the samples, those included that come in pairs between two of them.
+template <typename At>
+std::vector<double> zeros(const std::vector<Sample>& samples, std::size_t curve, At&& at) {
+  std::vector<double> found;
+  const auto v = [&](double x) { return at(x).curves[curve].v; };
+  const auto d = [&](double x) { return at(x).curves[curve].d; };
+  const Sample* last = nullptr;
+  for (const Sample& now : samples) {
+    const Curve& c = now.curves[curve];
+    if (!(std::abs(c.v) > c.noise)) continue;
+    if (last != nullptr) {
+      const Curve& l = last->curves[curve];
+      if ((l.v > 0) != (c.v > 0))
+        found.push_back(bracketed(last->x, l.v, now.x, c.v, v));
+      else if ((l.v > 0) == (l.d < 0) && (c.v > 0) == (c.d > 0) && l.d != 0 && c.d != 0) {
+        const double turn = bracketed(last->x, l.d, now.x, c.d, d);
+        const Curve there = at(turn).curves[curve];
+        if (std::abs(there.v) > there.noise && (there.v > 0) != (c.v > 0)) {
+          found.push_back(bracketed(last->x, l.v, turn, there.v, v));
+          found.push_back(bracketed(turn, there.v, now.x, c.v, v));
+        }
+      }
+    }
+    last = &now;
+  }
+  return found;
+}
+
+/// Places to begin sampling with, those included about which all changes fast: the tips of the section, and
+/// rays through the foci. From -pi/2 to pi/2, increasing.
+std::vector<double> first_places(const Tracer& tracer) {
+  constexpr int count = 24;
+  std::vector<double> places;
+  for (int i = 0; i <= count; ++i) places.push_back(pi * (static_cast<double>(i) / count - 0.5));
+  for (int k = -4; k <= 4; ++k) {
+    const double tip = 0.5 * pi * k - tracer.start();
+    if (std::abs(tip) < pi / 2) places.push_back(tip);
+  }
+  std::ranges::sort(places);
+  const auto at = [&](double g) {
+    const Jet<double> product = tracer.focal_product(g);
+    return Sample{g, 0, {{product.v, product.d, 1e-15}}};
+  };
+  for (const double g : zeros(samples(places, at), 0, at)) places.push_back(g);
+  std::ranges::sort(places);
+  return places;
+}
+
+/// For each order up to the last, g where its rays begin or cease to leave; none for order 0. Increasing.
+std::vector<std::vector<double>> critical(const Tracer& tracer, const std::vector<double>& places, int last) {
+  std::vector<std::vector<double>> found(static_cast<std::size_t>(last) + 1);
+  if (last == 0) return found;
+  const auto at = [&](double g) {
+    Sample sample{g, 0, {}};
+    tracer.trace<Jet<double>>(g, [&](int order, const RayAtSurface<Jet<double>>& surface) {
+      if (order == 0) return true;
+      const Jet<double> s = surface.sine, square = (1 - s) * (1 + s);
+      sample.curves.push_back({square.v, square.d, 1e-15 * (1 + s.v * s.v + std::abs(square.d))});
+      return order < last;
+    });
+    return sample;
+  };
+  const auto grid = samples(places, at);
+  for (std::size_t order = 1; order < found.size(); ++order) found[order] = zeros(grid, order - 1, at);
+  return found;
+}
+
+/// A stretch of g between critical ones.
 struct Piece {
   double from, to;
-};
-
-struct Pieces {
-  std::vector<Piece> pieces;
-  std::vector<double> turning; ///< g of caustics
-  std::vector<double> cuts;    ///< g where rays begin or cease to leave
-};
-
-Pieces pieces_of(const Tracer& tracer, int order) {
-  const int count = 600 * (order + 1);
-  Pieces found;
-  double begin = -pi / 2, last = -pi / 2;
-  Leaving before = tracer.at(last, order);
-  const auto end_piece = [&](double to) {
-    if (to > begin) found.pieces.push_back({begin, to});
-  };
-  // Evenly, and ever denser toward the rims, where light creeps around the ends.
-  std::vector<double> samples;
-  for (int i = 1; i < count; ++i) samples.push_back(pi * (static_cast<double>(i) / count - 0.5));
-  for (int k = 1; k <= 40; ++k)
-    for (const int side : {-1, 1}) samples.push_back(side * (pi / 2 - std::ldexp(pi / count, -k)));
-  samples.push_back(pi / 2);
-  std::ranges::sort(samples);
-  for (const double g : samples) {
-    const Leaving now = tracer.at(g, order);
-    if (before.out != now.out) {
-      const auto [a, b] = boundary(last, g, [&](double x) { return tracer.at(x, order).out == before.out; });
-      found.cuts.push_back(a);
-      if (before.out) end_piece(a);
-      begin = b;
-      // beside the cut the azimuth may turn once more
-      const Leaving edge = tracer.at(before.out ? a : b, order);
-      const Leaving& inside = before.out ? before : now;
-      const double other = before.out ? last : g;
-      if (edge.out && (edge.turn > 0) != (inside.turn > 0)) {
-        const double at_edge = before.out ? a : b;
-        const double turning = boundary(other, at_edge, [&](double x) {
-                                 return (tracer.at(x, order).turn > 0) == (inside.turn > 0);
-                               }).first;
-        found.turning.push_back(turning);
-        if (before.out) {
-          found.pieces.back().to = std::max(turning, found.pieces.back().from);
-          found.pieces.push_back({turning, a});
-        } else {
-          found.pieces.push_back({b, turning});
-          begin = turning;
-        }
-      }
-    } else if (now.out && (before.turn > 0) != (now.turn > 0)) {
-      const double turning = boundary(last, g, [&](double x) {
-                               return (tracer.at(x, order).turn > 0) == (before.turn > 0);
-                             }).first;
-      found.turning.push_back(turning);
-      end_piece(turning);
-      begin = turning;
-    }
-    before = now;
-    last = g;
+  /// u of a g between the ends
+  [[nodiscard]] double of(double g) const {
+    return 2 / pi * std::atan2(std::sqrt(g - from), std::sqrt(to - g));
   }
-  if (before.out) end_piece(pi / 2);
+  [[nodiscard]] double at(double u) const {
+    const double s = std::sin(pi / 2 * u), c = std::cos(pi / 2 * u);
+    return u < 0.5 ? from + (to - from) * s * s : to - (to - from) * c * c;
+  }
+  /// d g / d u
+  [[nodiscard]] double rate(double u) const {
+    return pi * (to - from) * std::sin(pi / 2 * u) * std::cos(pi / 2 * u);
+  }
+};
+
+/// One order's azimuth over a piece that its rays leave from: nodes between which it turns one way, less than
+/// half a turn.
+struct Branch {
+  Piece piece;
+  struct Node {
+    double u, phi;
+  };
+  std::vector<Node> nodes;
+  std::vector<double> caustics; ///< u
+};
+
+Branch branch(
+    const Tracer& tracer, const std::vector<double>& places, int order, const Piece& piece,
+    bool critical_from, bool critical_to) {
+  const auto at = [&](double u) {
+    const Turning<double> t = tracer.turning(piece.at(u), order);
+    const bool ends = (u == 0 && critical_from) || (u == 1 && critical_to);
+    const double rate = piece.rate(u);
+    double slope = 0;
+    if (ends) // the cosine is a square root there, linear in u
+      slope =
+          (u == 0 ? 1 : -1) * pi / 2 * std::sqrt(2 * std::abs(t.sines) * (piece.to - piece.from)) * t.normal;
+    else if (rate > 0)
+      slope = rate * (t.slope_left - (t.cosine > 0 ? t.sines / t.cosine * t.normal : 0));
+    return Sample{u, t.phi, {{t.slope, slope, t.noise}}};
+  };
+  std::vector<double> first{0, 0.25, 0.5, 0.75, 1};
+  for (const double g : places)
+    if (g > piece.from && g < piece.to) first.push_back(piece.of(g));
+  std::ranges::sort(first);
+  const auto grid = samples(first, at);
+  Branch found{piece, {}, zeros(grid, 0, at)};
+  for (const Sample& sample : grid) found.nodes.push_back({sample.x, sample.phi});
+  for (const double u : found.caustics) found.nodes.push_back({u, tracer.turning(piece.at(u), order).phi});
+  std::ranges::sort(found.nodes, {}, &Branch::Node::u);
+  return found;
+}
+
+std::vector<Branch> branches(
+    const Tracer& tracer, const std::vector<double>& places, int order, const std::vector<double>& cuts) {
+  std::vector<double> edges{-pi / 2};
+  edges.insert(edges.end(), cuts.begin(), cuts.end());
+  edges.push_back(pi / 2);
+  std::vector<Branch> found;
+  for (std::size_t i = 0; i + 1 < edges.size(); ++i) {
+    const Piece piece{edges[i], edges[i + 1]};
+    if (piece.to > piece.from && tracer.leaving(piece.at(0.5), order).out)
+      found.push_back(branch(tracer, places, order, piece, i > 0, i + 2 < edges.size()));
+  }
   return found;
 }
 
 /// g of every ray of the order that leaves toward phi.
-std::vector<double> roots(const Tracer& tracer, int order, const Pieces& pieces, double phi) {
+std::vector<double> roots(const Tracer& tracer, int order, const std::vector<Branch>& branches, double phi) {
   std::vector<double> found;
-  const auto miss = [&](double g) { return std::remainder(tracer.at(g, order).phi - phi, 2 * pi); };
-  for (const Piece& piece : pieces.pieces) {
-    // A piece may turn by more than pi: in steps over which it cannot wrap.
-    const int steps = std::max(2, static_cast<int>(std::ceil((piece.to - piece.from) * 40 * (order + 1))));
-    double a = piece.from, at_a = miss(a);
-    for (int i = 1; i <= steps; ++i) {
-      const double b = i == steps ? piece.to : piece.from + (piece.to - piece.from) * i / steps;
-      const double at_b = miss(b);
-      if ((at_a > 0) != (at_b > 0) && std::abs(at_a - at_b) < pi) {
-        const auto [x, y] = boundary(a, b, [&](double g) { return (miss(g) > 0) == (at_a > 0); });
-        found.push_back(0.5 * (x + y));
-      }
-      a = b;
-      at_a = at_b;
+  for (const Branch& branch : branches)
+    for (std::size_t i = 0; i + 1 < branch.nodes.size(); ++i) {
+      const Branch::Node &a = branch.nodes[i], &b = branch.nodes[i + 1];
+      const double step = std::remainder(b.phi - a.phi, 2 * pi), from = std::remainder(a.phi - phi, 2 * pi),
+                   to = from + step;
+      if ((from > 0) == (to > 0) || !(b.u > a.u)) continue;
+      const auto miss = [&](double u) {
+        // continuous from a on
+        return from + std::remainder(tracer.turning(branch.piece.at(u), order).phi - a.phi, 2 * pi);
+      };
+      found.push_back(branch.piece.at(bracketed(a.u, from, b.u, to, miss)));
     }
-  }
   return found;
 }
 
-/// 16 nodes of Gauss and Legendre, right half.
-constexpr double nodes[8] = {0.0950125098376374401853, 0.2816035507792589132305, 0.4580167776572273863424,
-                             0.6178762444026437484467, 0.7554044083550030338951, 0.8656312023878317438805,
-                             0.9445750230732325760779, 0.9894009349916499325962};
-constexpr double weights[8] = {0.1894506104550684962854, 0.1826034150449235888668, 0.1691565193950025381893,
-                               0.1495959888165767320815, 0.1246289712555338720525, 0.0951585116824927848099,
-                               0.0622535239386478928628, 0.0271524594117540948518};
+/// Adds the integral of f over a..b to the sum, halved until halves and whole agree within the tolerance,
+/// which is that of each panel: where rays are spread so far that rounding of g shows, smaller panels could
+/// not meet smaller ones.
+template <typename Value, typename Function>
+void add_panels(
+    const Function& f, double a, double b, const Value& whole, double tolerance, int depth, Value& sum) {
+  const double middle = 0.5 * (a + b);
+  const Value left = gauss_legendre<Value>(f, a, middle), right = gauss_legendre<Value>(f, middle, b);
+  double error = 0;
+  for (std::size_t k = 0; k < sum.size(); ++k)
+    error = std::max(error, std::abs(left[k] + right[k] - whole[k]));
+  if (error > tolerance && depth > 0) {
+    add_panels(f, a, middle, left, tolerance, depth - 1, sum);
+    add_panels(f, middle, b, right, tolerance, depth - 1, sum);
+    return;
+  }
+  for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += left[k] + right[k];
+}
 
-/// Integral of f(g) cos(g) / 2 over -pi/2..pi/2 in panels that halve toward the rims and the cuts.
-template <typename Function>
-void integrate(std::vector<double> cuts, int order, Function&& f) {
+/// Integral of f(g) cos(g) / 2 over -pi/2..pi/2 in pieces between the cuts, each f smooth in u.
+template <typename Value, typename Function>
+Value integral(std::vector<double> cuts, double tolerance, Function&& f) {
   cuts.push_back(-pi / 2);
   cuts.push_back(pi / 2);
   std::ranges::sort(cuts);
+  Value sum{};
   for (std::size_t i = 0; i + 1 < cuts.size(); ++i) {
-    const double from = cuts[i], width = cuts[i + 1] - from;
-    if (!(width > 1e-14)) continue;
-    std::vector<double> edges{0.5};
-    for (int k = 2; k <= 36; ++k) {
-      edges.push_back(std::ldexp(1.0, -k));
-      edges.push_back(1 - std::ldexp(1.0, -k));
-    }
-    const int middle = 2 + 4 * order; // the azimuth of high orders turns fast
-    for (int k = 1; k < middle; ++k) edges.push_back(0.25 + 0.5 * k / middle);
-    edges.push_back(0);
-    edges.push_back(1);
-    std::ranges::sort(edges);
-    for (std::size_t e = 0; e + 1 < edges.size(); ++e) {
-      const double half = 0.5 * (edges[e + 1] - edges[e]) * width,
-                   centre = from + 0.5 * (edges[e + 1] + edges[e]) * width;
-      if (!(half > 0)) continue;
-      for (int n = 0; n < 8; ++n)
-        for (const double x : {-nodes[n], nodes[n]}) {
-          const double g = centre + half * x;
-          f(g, weights[n] * half * 0.5 * std::cos(g));
-        }
-    }
+    const Piece piece{cuts[i], cuts[i + 1]};
+    if (!(piece.to > piece.from)) continue;
+    const auto weighted = [&](double u) {
+      const double g = piece.at(u), weight = 0.5 * std::cos(g) * piece.rate(u);
+      Value values = f(g);
+      for (double& x : values) x *= weight;
+      return values;
+    };
+    add_panels(weighted, 0, 1, gauss_legendre<Value>(weighted, 0, 1), tolerance, 40, sum);
   }
+  return sum;
+}
+
+/// What is inside after the crossings before `first`, and from there on leaves: all of it without absorption.
+/// With it, what is inside after many crossings, where total reflection guides it, is shared out as it was
+/// lost until then: to the outside and to absorption.
+double energy_from(const Tracer& tracer, double g, int first, bool absorbs) {
+  if (first == 0 && !absorbs) return 1;
+  const int last = absorbs ? first + 1000 : first - 1;
+  double sum = 0;
+  Losses<double> losses;
+  tracer.light(
+      g,
+      [&](int p, const Leaving<double>& leaving) {
+        if (p >= first) sum += leaving.energy;
+        return p < last && losses.inside > 1e-18;
+      },
+      &losses);
+  const double all = losses.left + losses.absorbed;
+  return sum + losses.inside * (all > 0 ? losses.left / all : 1);
+}
+
+/// What the ray of the order toward phi, which is near g, adds to N. In long double: near a caustic phi's
+/// rounding counts. Where azimuths turn so fast that numbers next to each other miss phi on either side, it
+/// is between theirs.
+double density(const EllipticalTracer<long double>& tracer, int order, double phi, double near) {
+  using real = long double;
+  struct Ray {
+    real g, miss, step, density;
+  };
+  const auto ray = [&](real g) -> Ray {
+    const Turning<real> turning = tracer.turning(g, order);
+    const Leaving<real> leaving = tracer.leaving(g, order);
+    const real miss = std::remainder(turning.phi - phi, 2 * std::numbers::pi_v<real>), cosine = std::cos(g),
+               per_turn = turning.cosine / std::abs(turning.slope);
+    return {
+        g, miss, -miss * turning.cosine / turning.slope,
+        cosine > 0 && leaving.energy > 0 ? leaving.energy * cosine * per_turn / 2 : 0};
+  };
+  Ray best = ray(near);
+  for (int step = 0; step < 6 && std::abs(best.step) < 1e-10L; ++step) {
+    const Ray next = ray(best.g + best.step);
+    if (!(std::abs(next.miss) < std::abs(best.miss))) break;
+    best = next;
+  }
+  const Ray beside = ray(std::nextafter(best.g, best.step > 0 ? real(4) : real(-4)));
+  if ((best.miss > 0) == (beside.miss > 0) || !(beside.density > 0)) return static_cast<double>(best.density);
+  const real share = best.miss / (best.miss - beside.miss);
+  return static_cast<double>(best.density + share * (beside.density - best.density));
 }
 
 void check(int order, double theta_d, double phi_i) {
@@ -327,74 +356,75 @@ void check(int order, double theta_d, double phi_i) {
 } // namespace
 
 EllipticalSection::EllipticalSection(double eta, double sigma_a, double axis_ratio)
-    : eta_(eta), sigma_a_(sigma_a) {
+    : eta_(eta), sigma_a_(sigma_a), axis_ratio_(axis_ratio) {
   (void)RaySection(eta, sigma_a); // refuses what is no fibre
   if (!(axis_ratio >= 0.1 && axis_ratio <= 1))
     throw InputError(
         fmt::format("an axis ratio of {} is outside 0.1..1: short axis over long axis", axis_ratio));
-  short_ = std::sqrt(axis_ratio);
-  long_ = 1 / short_;
 }
 
 double EllipticalSection::width(double phi_i) const {
-  return std::hypot(long_ * std::sin(phi_i), short_ * std::cos(phi_i));
+  const double b = std::sqrt(axis_ratio_);
+  return std::hypot(std::sin(phi_i) / b, b * std::cos(phi_i));
 }
 
 double EllipticalSection::distribution(int order, double theta_d, double phi_i, double phi) const {
   check(order, theta_d, phi_i);
   if (!std::isfinite(phi)) throw InputError(fmt::format("an azimuth phi of {} is not possible", phi));
-  const Tracer tracer(eta_, sigma_a_, long_, short_, theta_d, phi_i);
+  const Tracer tracer(eta_, sigma_a_, axis_ratio_, theta_d, phi_i);
+  const auto places = first_places(tracer);
+  const auto cuts = critical(tracer, places, order);
+  const EllipticalTracer<long double> fine(eta_, sigma_a_, axis_ratio_, theta_d, phi_i);
   double sum = 0;
-  for (const double g : roots(tracer, order, pieces_of(tracer, order), phi)) {
-    const Leaving ray = tracer.at(g, order);
-    const double cosine = std::max(std::cos(g), 0.0);
-    if (ray.energy > 0 && cosine > 0) sum += ray.energy * cosine / (2 * std::abs(ray.turn));
-  }
+  for (const double g : roots(tracer, order, branches(tracer, places, order, cuts.back()), phi))
+    sum += density(fine, order, phi, g);
   return sum;
 }
 
 OrderMoments EllipticalSection::moments(int order, double theta_d, double phi_i) const {
   check(order, theta_d, phi_i);
-  const Tracer tracer(eta_, sigma_a_, long_, short_, theta_d, phi_i);
-  const Pieces pieces = pieces_of(tracer, order);
-  auto cuts = pieces.cuts;
-  // Where the weights have kinks.
-  for (const double phi : {0.0, pi / 2, -pi / 2, pi})
-    for (const double g : roots(tracer, order, pieces, phi)) cuts.push_back(g);
+  const Tracer tracer(eta_, sigma_a_, axis_ratio_, theta_d, phi_i);
+  const auto places = first_places(tracer);
+  const auto critical_ones = critical(tracer, places, order);
   // Rays that a reflection before was total for change their share at its limit, too.
-  for (int p = 1; p < order; ++p)
-    for (const double g : pieces_of(tracer, p).cuts) cuts.push_back(g);
-  OrderMoments sum;
-  integrate(std::move(cuts), order, [&](double g, double dh) {
-    const Leaving ray = tracer.at(g, order);
-    if (!ray.out) return;
-    const double phi = std::abs(std::remainder(ray.phi, 2 * pi)), energy = ray.energy * dh;
-    sum.energy += energy;
-    sum.forward += energy * phi / pi;
-    if (phi >= pi / 2) sum.forward_half += energy;
+  std::vector<double> cuts = places;
+  for (const auto& of_order : critical_ones) cuts.insert(cuts.end(), of_order.begin(), of_order.end());
+  // Where the weights have kinks.
+  const auto leaving = branches(tracer, places, order, critical_ones.back());
+  for (const double phi : {0.0, pi / 2, -pi / 2, pi})
+    for (const double g : roots(tracer, order, leaving, phi)) cuts.push_back(g);
+  using Values = std::array<double, 3>;
+  const auto sums = integral<Values>(std::move(cuts), smooth_tolerance, [&](double g) -> Values {
+    const Leaving<double> ray = tracer.leaving(g, order);
+    if (!ray.out) return {};
+    const double phi = std::abs(std::remainder(ray.phi, 2 * pi));
+    return {ray.energy, ray.energy * phi / pi, phi >= pi / 2 ? ray.energy : 0};
   });
-  return sum;
+  return {sums[0], sums[1], sums[2]};
 }
 
 double EllipticalSection::residual_energy(int first_order, double theta_d, double phi_i) const {
   check(first_order, theta_d, phi_i);
-  const Tracer tracer(eta_, sigma_a_, long_, short_, theta_d, phi_i);
-  std::vector<double> cuts;
-  for (int p = 1; p < std::min(first_order + 12, most_orders); ++p)
-    for (const double g : pieces_of(tracer, p).cuts) cuts.push_back(g);
-  double sum = 0;
-  integrate(std::move(cuts), first_order, [&](double g, double dh) {
-    sum += tracer.energy_from(g, first_order) * dh;
-  });
-  return sum;
+  const Tracer tracer(eta_, sigma_a_, axis_ratio_, theta_d, phi_i);
+  // Without absorption only the crossings before matter; with it all do, each less than the one before.
+  const bool absorbs = sigma_a_ > 0;
+  const int last = absorbs ? first_order + 12 : std::max(first_order - 1, 0);
+  const auto places = first_places(tracer);
+  std::vector<double> cuts = places;
+  for (const auto& of_order : critical(tracer, places, last))
+    cuts.insert(cuts.end(), of_order.begin(), of_order.end());
+  return integral<std::array<double, 1>>(
+      std::move(cuts), absorbs ? kinked_tolerance : smooth_tolerance,
+      [&](double g) { return std::array<double, 1>{energy_from(tracer, g, first_order, absorbs)}; })[0];
 }
 
 std::vector<double> EllipticalSection::caustics(int order, double theta_d, double phi_i) const {
   check(order, theta_d, phi_i);
-  const Tracer tracer(eta_, sigma_a_, long_, short_, theta_d, phi_i);
+  const Tracer tracer(eta_, sigma_a_, axis_ratio_, theta_d, phi_i);
   std::vector<double> found;
-  for (const double g : pieces_of(tracer, order).turning)
-    found.push_back(std::remainder(tracer.at(g, order).phi, 2 * pi));
+  const auto places = first_places(tracer);
+  for (const Branch& branch : branches(tracer, places, order, critical(tracer, places, order).back()))
+    for (const double u : branch.caustics) found.push_back(tracer.turning(branch.piece.at(u), order).phi);
   std::ranges::sort(found);
   return found;
 }

@@ -18,10 +18,11 @@ namespace scatter::fiber {
 ///
 /// Reciprocity: width(phi_i) N(phi_i -> phi_o) = width(phi_o) N(phi_o -> phi_i), each order.
 ///
-/// Accuracy: rays are sampled at a few thousand offsets per order and polished; N_p relative 1e-9 where phi
-/// is 1e-3 rad from caustics, as long as the azimuth turns round less often than samples can tell: orders up
-/// to 8, axis ratios 0.3..1. Energies 1e-10 up to
-/// order 3, 1e-8 up to 8: total reflection cuts the section into ever more pieces.
+/// Accuracy, orders up to 8: N_p relative 1e-12 and what one rounding of the inputs to long double does to
+/// it: beside a caustic about 1e-19 / |phi - caustic| for each surface. Moments 1e-12 of the order's energy.
+/// With the energies of the orders before, residual_energy adds up to 1 to 1e-12 without absorption; with it,
+/// it is the sum of its orders to 1e-10. Rays that pass the foci are spread (1 + e) / (1 - e) times wider at
+/// every chord, e the eccentricity: what is narrower than rounding after many chords is lost, and small.
 ///
 /// All functions throw InputError for |theta_d| >= pi/2, azimuths that are not finite and orders outside
 /// 0..64.
@@ -42,7 +43,7 @@ public:
   [[nodiscard]] double width(double phi_i) const;
 
 private:
-  double eta_, sigma_a_, long_, short_;
+  double eta_, sigma_a_, axis_ratio_;
 };
 
 } // namespace scatter::fiber

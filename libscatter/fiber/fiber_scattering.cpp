@@ -3,6 +3,8 @@
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -26,6 +28,27 @@ Angles bounded(const Angles& angles) {
   return {
       std::clamp(angles.theta_i, -pi / 2, pi / 2), std::clamp(angles.theta_o, -pi / 2, pi / 2),
       wrap_angle(angles.phi)};
+}
+
+void check_inclination(double theta_i) {
+  if (!(std::abs(theta_i) < pi / 2))
+    throw InputError(fmt::format(
+        "theta_i: {:g} deg is not between -90 deg and 90 deg, both excluded", theta_i / radians_per_degree));
+}
+
+std::size_t chosen(std::span<const double> shares, double u) {
+  std::size_t at = 0;
+  while (at + 1 < shares.size() && u >= shares[at]) u -= shares[at++];
+  while (at > 0 && shares[at] == 0) --at; // rounding may lead beyond the last
+  return at;
+}
+
+ScatteringSample FiberScattering::weighed(const Angles& angles) const {
+  ScatteringSample sample{angles.theta_o, angles.phi, {}, pdf(angles)};
+  if (!(sample.pdf > 0)) return sample;
+  sample.weight = eval(angles);
+  for (double& value : sample.weight) value *= std::cos(angles.theta_o) / sample.pdf;
+  return sample;
 }
 
 Rgb FiberScattering::eval(const Frame& frame, const glm::dvec3& to_light, const glm::dvec3& to_eye) const {

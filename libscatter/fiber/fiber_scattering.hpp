@@ -3,6 +3,7 @@
 #include <scatter/fiber/frame.hpp>
 
 #include <array>
+#include <span>
 #include <vector>
 
 /// What every fibre's scattering function offers, whatever it is made of.
@@ -53,6 +54,10 @@ public:
   /// f_s between two directions, which need not have unit length. Throws InputError for one that is zero or
   /// not finite.
   [[nodiscard]] Rgb eval(const Frame& frame, const glm::dvec3& to_light, const glm::dvec3& to_eye) const;
+
+protected:
+  /// For sample(): a direction with its density and its weight, which is 0 where the density is.
+  [[nodiscard]] ScatteringSample weighed(const Angles& angles) const;
 };
 
 /// A fibre whose lobes are kernels along it times functions around it, as dual scattering takes them apart.
@@ -70,5 +75,12 @@ inline constexpr double largest_theta_d = 1.5707863267948966;
 
 /// Angles within bounds: |theta| <= pi/2. A NaN is refused with InputError.
 [[nodiscard]] Angles bounded(const Angles& angles);
+
+/// Throws InputError unless -pi/2 < theta_i < pi/2.
+void check_inclination(double theta_i);
+
+/// Which of the shares, 0 or more with the sum 1, has u in 0..1: never one that is 0, however sums round, if
+/// any other is not.
+[[nodiscard]] std::size_t chosen(std::span<const double> shares, double u);
 
 } // namespace scatter::fiber

@@ -1,5 +1,4 @@
 #include <scatter/fiber/hair.hpp>
-#include <scatter/fiber/quadrature.hpp>
 #include <scatter/fiber/ray_section.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/units.hpp>
@@ -204,64 +203,36 @@ double HairScattering::pdf(const Angles& at) const {
 
 ScatteringSample HairScattering::sample(double theta_i, const std::array<double, 3>& u) const {
   theta_i = bounded({theta_i, 0, 0}).theta_i;
-  const auto q = choice(theta_i);
-  std::size_t lobe = 0;
-  double left = u[0];
-  while (lobe + 1 < lobe_count && left >= q[lobe]) left -= q[lobe++];
-  while (lobe > 0 && q[lobe] == 0) --lobe; // rounding may lead beyond the last
-  ScatteringSample sample;
-  sample.theta_o = kernels_[lobe].sample(theta_i, u[1]);
-  const double theta_d = std::clamp(0.5 * (sample.theta_o - theta_i), -largest_theta_d, largest_theta_d);
-  sample.phi =
+  const std::size_t lobe = chosen(choice(theta_i), u[0]);
+  const double theta_o = kernels_[lobe].sample(theta_i, u[1]);
+  const double theta_d = std::clamp(0.5 * (theta_o - theta_i), -largest_theta_d, largest_theta_d);
+  const double phi =
       lobe == 3 ? wrap_angle(2 * pi * u[2])
                 : exit_azimuth(static_cast<int>(lobe), bravais_index(parameters_.eta, theta_d), 2 * u[2] - 1);
-  const Angles angles{theta_i, sample.theta_o, sample.phi};
-  sample.pdf = pdf(angles);
-  const Rgb value = eval(angles);
-  for (std::size_t c = 0; c < 3; ++c)
-    sample.weight[c] = sample.pdf > 0 ? value[c] * std::cos(sample.theta_o) / sample.pdf : 0;
-  return sample;
+  return weighed({theta_i, theta_o, phi});
 }
 
 std::vector<LobeEnergy> HairScattering::lobe_energies(double theta_i) const {
-  if (!(std::abs(theta_i) < pi / 2))
-    throw InputError(
-        "theta_i: the inclination of the light must lie between -90 deg and 90 deg, both excluded");
+  check_inclination(theta_i);
   std::vector<LobeEnergy> found;
   for (std::size_t lobe = 0; lobe < lobes(); ++lobe) {
-    const LongitudinalKernel& kernel = kernels_[lobe];
     using Sums = std::array<double, 6>;
-    const auto at = [&](double theta_o) {
-      const double theta_d = 0.5 * (theta_o - theta_i);
-      const double ratio = std::cos(theta_o) / std::cos(theta_d);
-      const double M = kernel(0.5 * (theta_i + theta_o)) * ratio * ratio;
-      Sums sums{};
+    const Sums sums = integral_along<Sums>(kernels_[lobe], theta_i, 1e-12, [&](double theta_d) {
+      Sums around{};
       for (std::size_t c = 0; c < 3; ++c) {
         const std::size_t value = 9 * c + 3 * lobe;
         const double energy = lobe < 3 ? table_(value, theta_d) : residual(c, theta_d);
         const double forward = lobe < 3 ? table_(value + 1, theta_d) : 0.5 * energy;
-        sums[c] = M * forward;
-        sums[3 + c] = M * (energy - forward);
+        around[c] = forward;
+        around[3 + c] = energy - forward;
       }
-      return sums;
-    };
-    // Nine standard deviations hold all but 1e-18; panels are no wider than one, nor than 10 deg.
-    const double centre = 2 * kernel.shift() - theta_i, deviation = 2 * kernel.width();
-    const double first = std::max(-pi / 2, centre - 9 * deviation);
-    const double last = std::min(pi / 2, centre + 9 * deviation);
-    LobeEnergy energy{kernel.shift(), kernel.width(), {}, {}};
-    if (last > first) {
-      const int panels = static_cast<int>(std::ceil((last - first) / std::min(deviation, 0.17)));
-      const double step = (last - first) / panels;
-      for (int i = 0; i < panels; ++i) {
-        const Sums part = integrate<Sums>(at, first + i * step, first + (i + 1) * step, 1e-12);
-        for (std::size_t c = 0; c < 3; ++c) {
-          energy.forward[c] += part[c];
-          energy.backward[c] += part[3 + c];
-        }
-      }
-    }
-    found.push_back(energy);
+      return around;
+    });
+    found.push_back(
+        {kernels_[lobe].shift(),
+         kernels_[lobe].width(),
+         {sums[0], sums[1], sums[2]},
+         {sums[3], sums[4], sums[5]}});
   }
   return found;
 }

@@ -1,5 +1,11 @@
 #pragma once
 
+#include <scatter/fiber/quadrature.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
 /// How light spreads along a fibre: Gaussians of the half angle theta_h = (theta_i + theta_o) / 2. The
 /// variance always comes first, and the norm is always named: which of three a formula means is the reason of
 /// most of the print's errors. All angles in radians.
@@ -47,6 +53,35 @@ private:
   double shift_ = 0, width_ = 0.1;
   Norm norm_ = Norm::area_over_theta_o;
 };
+
+/// Integral over theta_o, -pi/2..pi/2, of M(theta_h) f(theta_d) cos^2 theta_o / cos^2 theta_d for light from
+/// theta_i: with f what a lobe sends around the fibre, the share of the light that it sends anywhere. Value
+/// as for integrate(); the tolerance, absolute, is that of each panel, which is no wider than the lobe's
+/// standard deviation nor than 10 deg.
+template <typename Value, typename Function>
+[[nodiscard]] Value
+integral_along(const LongitudinalKernel& kernel, double theta_i, double tolerance, const Function& f) {
+  // Nine standard deviations hold all but 1e-18.
+  const double centre = 2 * kernel.shift() - theta_i, deviation = 2 * kernel.width();
+  const double first = std::max(-std::numbers::pi / 2, centre - 9 * deviation);
+  const double last = std::min(std::numbers::pi / 2, centre + 9 * deviation);
+  Value sum{};
+  if (!(last > first)) return sum;
+  const auto at = [&](double theta_o) {
+    const double theta_d = 0.5 * (theta_o - theta_i), ratio = std::cos(theta_o) / std::cos(theta_d);
+    const double weight = kernel(0.5 * (theta_i + theta_o)) * ratio * ratio;
+    Value value = f(theta_d);
+    for (std::size_t k = 0; k < value.size(); ++k) value[k] *= weight;
+    return value;
+  };
+  const int panels = static_cast<int>(std::ceil((last - first) / std::min(deviation, 0.17)));
+  const double step = (last - first) / panels;
+  for (int i = 0; i < panels; ++i) {
+    const Value part = integrate<Value>(at, first + i * step, first + (i + 1) * step, tolerance);
+    for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += part[k];
+  }
+  return sum;
+}
 
 /// A normal distribution cut to first..last, for sampling. mean may lie outside. When all of its mass lies
 /// beyond the cut to 1e-300, it is taken as uniform.

@@ -217,24 +217,14 @@ double Thread::pdf(const Angles& given) const {
 }
 
 ScatteringSample Thread::sample(double theta_i, const std::array<double, 3>& u) const {
-  ScatteringSample picked;
   theta_i = bounded({theta_i, 0, 0}).theta_i;
-  const LobeWeights w = lobe_weights(theta_i);
-  picked.phi = (2 * u[1] - 1) * pi;
-  if (u[2] < w[0]) {
-    picked.theta_o = around_cone(parameters_.gamma_s, theta_i).sample(u[0]);
-    picked.phi = 2 * std::asin(2 * u[1] - 1);
-  } else if (u[2] < w[0] + w[1]) {
-    picked.theta_o = around_cone(parameters_.gamma_v, theta_i).sample(u[0]);
-  } else {
-    picked.theta_o = std::clamp(spread_sample(theta_i, u[0]), -right_angle, right_angle);
-  }
-  const Angles at{theta_i, picked.theta_o, picked.phi};
-  picked.pdf = pdf(at);
-  if (!(picked.pdf > 0)) return picked; // along the thread
-  picked.weight = eval(at);
-  for (double& value : picked.weight) value *= std::cos(at.theta_o) / picked.pdf;
-  return picked;
+  const std::size_t lobe = chosen(lobe_weights(theta_i), u[2]);
+  if (lobe == 2)
+    return weighed(
+        {theta_i, std::clamp(spread_sample(theta_i, u[0]), -right_angle, right_angle), (2 * u[1] - 1) * pi});
+  const double theta_o =
+      around_cone(lobe == 0 ? parameters_.gamma_s : parameters_.gamma_v, theta_i).sample(u[0]);
+  return weighed({theta_i, theta_o, lobe == 0 ? 2 * std::asin(2 * u[1] - 1) : (2 * u[1] - 1) * pi});
 }
 
 Angles thread_angles(const Frame& frame, const glm::dvec3& to_light, const glm::dvec3& to_eye) {

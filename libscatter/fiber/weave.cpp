@@ -68,10 +68,23 @@ Frame tangent_frame(const Cloth::Strand& strand, const Cloth::Tangent& tangent) 
       {strand.sin_direction, -strand.cos_direction, 0}};
 }
 
-/// How well a tangent is seen from w: the masking and the projection of one direction.
-double visibility(const Frame& frame, const glm::dvec3& w) {
-  const double up = glm::dot(w, frame.normal);
-  return cosine_between(up, glm::dot(w, frame.binormal)) * cosine_between(up, glm::dot(w, frame.tangent));
+/// Calls see(strand, frame, weight) for every tangent that is seen from the view, weighed by its area, its
+/// masking and its projection for that direction alone. Returns the sum of the weights.
+template <typename See>
+double for_each_seen(std::span<const Cloth::Strand> strands, const glm::dvec3& view, const See& see) {
+  double seen = 0;
+  for (std::size_t j = 0; j < strands.size(); ++j)
+    for (const Cloth::Tangent& tangent : strands[j].tangents) {
+      const Frame frame = tangent_frame(strands[j], tangent);
+      const double up = glm::dot(view, frame.normal);
+      const double weight = strands[j].coverage * tangent.share *
+                            (cosine_between(up, glm::dot(view, frame.binormal)) *
+                             cosine_between(up, glm::dot(view, frame.tangent)));
+      if (!(weight > 0)) continue;
+      seen += weight;
+      see(j, frame, weight);
+    }
+  return seen;
 }
 
 } // namespace
@@ -136,8 +149,14 @@ struct Cloth::Kernel {
   WeaveConstants weave;
 };
 
-Cloth::Cloth(const Weave& weave, int samples, SurfaceLobe surface)
-    : weave_(weave), samples_(samples), kernel_(std::make_unique<Kernel>()) {
+/// The threads of one direction: areas of their tangents.
+struct Cloth::Family {
+  double cos_direction, sin_direction;
+  std::vector<Tangent> tangents;
+};
+
+Cloth::Cloth(const Weave& weave, int samples, SurfaceLobe surface, FamilyMasking masking)
+    : weave_(weave), samples_(samples), masking_(masking), kernel_(std::make_unique<Kernel>()) {
   check(weave_, "");
   double covered = 0;
   for (const WeaveThread& given : weave_.threads) {
@@ -166,6 +185,21 @@ Cloth::Cloth(const Weave& weave, int samples, SurfaceLobe surface)
           {std::abs(offset) == pi / 2 ? 0 : std::cos(offset), std::sin(offset),
            static_cast<double>(count) / samples_});
     strands_.push_back(std::move(strand));
+  }
+
+  for (const Strand& strand : strands_) {
+    const auto along = [&](const Family& family) {
+      return family.cos_direction * strand.cos_direction + family.sin_direction * strand.sin_direction;
+    };
+    const auto known = std::ranges::find_if(
+        families_, [&](const Family& family) { return std::abs(std::abs(along(family)) - 1) < slack; });
+    family_of_.push_back(static_cast<std::size_t>(known - families_.begin()));
+    if (known == families_.end()) families_.push_back({strand.cos_direction, strand.sin_direction, {}});
+    Family& family = families_[family_of_.back()];
+    const double same_way = along(family) > 0 ? 1 : -1;
+    for (const Tangent& tangent : strand.tangents)
+      family.tangents.push_back(
+          {tangent.cos_offset, same_way * tangent.sin_offset, strand.coverage * tangent.share});
   }
 
   for (std::size_t j = 0; j < strands_.size(); ++j) {
@@ -212,10 +246,14 @@ Rgb Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
   check_direction(light, "light");
   check_direction(view, "view");
   if (!(light.z > 0 && view.z > 0)) return {0, 0, 0};
-  double projected = kernel_->weave.gap * view.z;
+  const bool crowns = masking_ == FamilyMasking::crowns;
+  const double turn = wrap_angle(std::atan2(light.y, light.x) - std::atan2(view.y, view.x));
+  double projected = kernel_->weave.gap * view.z * (crowns ? past_crowns(families_.size(), view) : 1);
   Rgb sum{};
   for (std::size_t j = 0; j < strands_.size(); ++j) {
     const Strand& strand = strands_[j];
+    const double to_view = crowns ? unmasked(j, view) : 1;
+    const double to_both = crowns ? together(unmasked(j, light), to_view, turn, weave_.masking_width) : 1;
     for (const Tangent& tangent : strand.tangents) {
       const Frame frame = tangent_frame(strand, tangent);
       const double up_i = glm::dot(light, frame.normal), up_r = glm::dot(view, frame.normal);
@@ -226,13 +264,13 @@ Rgb Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
           cosine_between(up_r, glm::dot(view, frame.tangent)),
           wrap_angle(longitudinal_angle(frame, light) - longitudinal_angle(frame, view)),
           weave_.masking_width);
-      projected += share * P;
+      projected += share * P * to_view;
       const Angles at = thread_angles(frame, light, view);
       const double M = together(
           cosine_between(up_i, glm::dot(light, frame.binormal)),
           cosine_between(up_r, glm::dot(view, frame.binormal)), at.phi, weave_.masking_width);
       const Rgb value = threads_[j].eval(at);
-      for (int c = 0; c < 3; ++c) sum[c] += share * M * P * std::cos(at.theta_i) * value[c];
+      for (int c = 0; c < 3; ++c) sum[c] += share * to_both * M * P * std::cos(at.theta_i) * value[c];
     }
   }
   if (!(projected > 0)) return {0, 0, 0};
@@ -243,6 +281,10 @@ Rgb Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
 void Cloth::eval(
     std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value) const {
   check_pairs(light, view, value.size());
+  if (masking_ != FamilyMasking::none) { // the kernels do not know it
+    for (std::size_t pair = 0; pair < light.size(); ++pair) value[pair] = eval(light[pair], view[pair]);
+    return;
+  }
   for (std::size_t begin = 0; begin < light.size(); begin += weave_lanes) {
     const std::size_t count = std::min(weave_lanes, light.size() - begin);
     WeaveBlock block;
@@ -259,16 +301,49 @@ void Cloth::eval(
   }
 }
 
-double Cloth::pdf(const glm::dvec3& light, const glm::dvec3& view) const {
-  double sum = 0, seen = 0;
-  for (std::size_t j = 0; j < strands_.size(); ++j)
+double Cloth::past_crowns(std::size_t but, const glm::dvec3& w) const {
+  double product = 1;
+  for (std::size_t f = 0; f < families_.size(); ++f) {
+    if (f == but) continue;
+    const Family& family = families_[f];
+    const double along = w.x * family.cos_direction + w.y * family.sin_direction;
+    double flat = 0, facing = 0;
+    for (const Tangent& tangent : family.tangents) {
+      flat += tangent.share * tangent.cos_offset * w.z;
+      facing += tangent.share * std::max(tangent.cos_offset * w.z - tangent.sin_offset * along, 0.0);
+    }
+    if (facing > flat) product *= std::max(flat, 0.0) / facing;
+  }
+  return product;
+}
+
+double Cloth::unmasked(std::size_t thread, const glm::dvec3& w) const {
+  check_direction(w, "view");
+  return past_crowns(family_of_.at(thread), w);
+}
+
+double Cloth::open(const glm::dvec3& view) const {
+  check_direction(view, "view");
+  if (!(view.z > 0)) return 0;
+  const bool crowns = masking_ == FamilyMasking::crowns;
+  const double gap = kernel_->weave.gap * view.z * (crowns ? past_crowns(families_.size(), view) : 1);
+  double seen = gap;
+  for (std::size_t j = 0; j < strands_.size(); ++j) {
+    const double to_view = crowns ? unmasked(j, view) : 1;
     for (const Tangent& tangent : strands_[j].tangents) {
       const Frame frame = tangent_frame(strands_[j], tangent);
-      const double weight = strands_[j].coverage * tangent.share * visibility(frame, view);
-      if (!(weight > 0)) continue;
-      seen += weight;
-      sum += weight * threads_[j].pdf(thread_angles(frame, view, light));
+      seen += strands_[j].coverage * tangent.share * to_view *
+              cosine_between(glm::dot(view, frame.normal), glm::dot(view, frame.tangent));
     }
+  }
+  return seen > 0 ? gap / seen : 0;
+}
+
+double Cloth::pdf(const glm::dvec3& light, const glm::dvec3& view) const {
+  double sum = 0;
+  const double seen = for_each_seen(strands_, view, [&](std::size_t j, const Frame& frame, double weight) {
+    sum += weight * threads_[j].pdf(thread_angles(frame, view, light));
+  });
   return seen > 0 ? sum / seen : 0;
 }
 
@@ -282,15 +357,9 @@ ClothSample Cloth::sample(const glm::dvec3& view, const std::array<double, 4>& u
     double until;
   };
   std::vector<Choice> choices;
-  double seen = 0;
-  for (std::size_t j = 0; j < strands_.size(); ++j)
-    for (const Tangent& tangent : strands_[j].tangents) {
-      const Frame frame = tangent_frame(strands_[j], tangent);
-      const double weight = strands_[j].coverage * tangent.share * visibility(frame, view);
-      if (!(weight > 0)) continue;
-      seen += weight;
-      choices.push_back({j, frame, seen});
-    }
+  const double seen = for_each_seen(strands_, view, [&](std::size_t j, const Frame& frame, double weight) {
+    choices.push_back({j, frame, (choices.empty() ? 0 : choices.back().until) + weight});
+  });
   if (choices.empty()) return picked;
   const auto choice = std::ranges::find_if(choices, [&](const Choice& c) { return u[3] * seen < c.until; });
   const Choice& chosen = choice != choices.end() ? *choice : choices.back();

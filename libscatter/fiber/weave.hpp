@@ -41,6 +41,12 @@ struct Weave {
   double masking_width = 20 * 0.017453292519943295; ///< s [rad]: how near light and view hide the same
 };
 
+/// Whether threads of one direction hide those of another.
+enum class FamilyMasking {
+  none,   ///< as the dissertation has it: a thread is hidden by itself alone
+  crowns, ///< by the crowns of the other families, Cloth::unmasked()
+};
+
 /// Throws InputError for what check(ThreadParameters) refuses, coverages outside 0..1 or with a sum above 1,
 /// offsets beyond 90 deg, lengths that are negative, all zero or not one fewer than offsets, a masking width
 /// outside 5..45 deg, and no thread at all. The message begins with `where` and names thread (from 1) and
@@ -71,10 +77,16 @@ struct ClothSample {
 /// Not reciprocal: the cosine is that of the light alone, and Q has the view alone in the gap. The printed
 /// surface lobe carries about eight times a smooth cylinder's energy. papers/sadeghi-fibres.md has figures
 /// for each fabric. Objects do not change and may be shared by threads.
+///
+/// With FamilyMasking::crowns thread j counts with G(view) = unmasked(j, view) in Q, with (1 - u) G(light)
+/// G(view) + u min(G(light), G(view)) in the sum, d of u the angle between the azimuths of light and view,
+/// and the gap as if hidden by all families.
 class Cloth {
 public:
   /// samples: of every tangent curve, 1..100000. Throws InputError as check() does.
-  explicit Cloth(const Weave& weave, int samples = 64, SurfaceLobe surface = SurfaceLobe::printed);
+  explicit Cloth(
+      const Weave& weave, int samples = 64, SurfaceLobe surface = SurfaceLobe::printed,
+      FamilyMasking masking = FamilyMasking::none);
   ~Cloth();
   Cloth(Cloth&&) noexcept;
   Cloth& operator=(Cloth&&) noexcept;
@@ -83,13 +95,14 @@ public:
 
   [[nodiscard]] const Weave& weave() const { return weave_; }
   [[nodiscard]] int samples() const { return samples_; }
+  [[nodiscard]] FamilyMasking masking() const { return masking_; }
 
   /// Red, green and blue. Relative accuracy 1e-12 where no sampled tangent is within 0.1 deg of a direction.
   /// Throws InputError for a direction whose squared length is not 1 to 1e-9.
   [[nodiscard]] Rgb eval(const glm::dvec3& light, const glm::dvec3& view) const;
-  /// The same for many pairs, on vector instructions: agrees with eval() to 1e-12 relative. All spans are of
-  /// one length. Throws InputError as eval(), with the number of the pair, and std::invalid_argument for
-  /// unequal lengths.
+  /// The same for many pairs, without the masking of families on vector instructions: agrees with eval() to
+  /// 1e-12 relative. All spans are of one length. Throws InputError as eval(), with the number of the pair,
+  /// and std::invalid_argument for unequal lengths.
   void eval(std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value) const;
 
   /// Density per solid angle of the light's direction with which sample() picks it; over the whole sphere.
@@ -97,6 +110,18 @@ public:
   /// A tangent is picked by how well it is seen, then light by Thread::sample, whose directions may be
   /// exchanged. From four numbers in [0, 1).
   [[nodiscard]] ClothSample sample(const glm::dvec3& view, const std::array<double, 4>& u) const;
+
+  /// Share of the area of thread j (from 0) that the crowns of threads of other directions do not hide from
+  /// w, w.z > 0, whatever the masking: the product, over these directions t, of min(1, w.z <cos o> / <max(w .
+  /// n', 0)>) averaged over the offsets o of the family's curves, n' = cos o n - sin o t. It is what makes
+  /// the parts of a rough surface that face w, hidden parts left out, look as large as the cloth (Smith's
+  /// masking; Heitz, J. Comput. Graph. Tech. 3(2), 2014), for heights that do not depend on those of the
+  /// thread. 1 unless some section of the crowns faces away from w.
+  [[nodiscard]] double unmasked(std::size_t thread, const glm::dvec3& w) const;
+  /// Share of what is seen from the view that is gap: light from -view comes through it as it is, with this
+  /// factor. (1 - sum a) n . view over Q for light from the view's own direction; 0 for view.z <= 0. Light
+  /// that comes through threads is not part of the model. Throws InputError as eval().
+  [[nodiscard]] double open(const glm::dvec3& view) const;
 
   /// Integral of value over the directions of the light: the cloth's radiance in surroundings of radiance 1.
   /// Product rule of `rings` inclinations and 2 rings azimuths; at 128 to about 1e-4 (kinks of M and P).
@@ -123,6 +148,12 @@ private:
   int samples_ = 64;
   std::vector<Thread> threads_;
   std::vector<Strand> strands_;
+  FamilyMasking masking_ = FamilyMasking::none;
+  struct Family;
+  /// Product of the crowns of all families but one; none is left out if it is families_.size().
+  [[nodiscard]] double past_crowns(std::size_t but, const glm::dvec3& w) const;
+  std::vector<Family> families_;       ///< threads of one direction, either way
+  std::vector<std::size_t> family_of_; ///< thread j's
   struct Kernel;
   std::unique_ptr<Kernel> kernel_;
 };

@@ -422,6 +422,105 @@ TEST(Cloth, AnyNumberOfThreads) {
   EXPECT_NEAR(sum_of(Cloth(turned).eval(direction(25, 40), direction(50, 160))), value, 1e-12 * value);
 }
 
+/// The fabric with its families hiding each other.
+Cloth crowned(const std::string& name, int samples = 64) {
+  return Cloth(load_fabric(name).weave, samples, SurfaceLobe::printed, FamilyMasking::crowns);
+}
+
+TEST(Cloth, CrownsHideAsTheirCurveSays) {
+  // Linen's offsets are even over -a..a: in the plane of the other family, <max(w . n', 0)> is an elementary
+  // integral, and what is hidden begins where a section turns away, 90 deg - a from the normal.
+  const Cloth linen = crowned("linen-plain", 20000);
+  const double a = 25 * degree;
+  for (const double psi : {10.0, 60.0, 64.9, 70.0, 80.0, 89.0})
+    for (const double azimuth : {90.0, -90.0}) { // along thread 2, whose crowns hide thread 1
+      const double t = psi * degree,
+                   facing = t + a > pi / 2 ? (1 - std::sin(t - a)) / (2 * a) : std::sin(a) / a * std::cos(t);
+      const double expected = std::sin(a) / a * std::cos(t) / facing;
+      EXPECT_NEAR(linen.unmasked(0, direction(psi, azimuth)), expected, 1e-6) << psi;
+      EXPECT_NEAR(linen.unmasked(1, direction(psi, azimuth)), 1, 1e-12) << psi; // thread 1 lies across
+    }
+  EXPECT_LT(linen.unmasked(0, direction(85, 90)), 0.6);
+  // Parts that face w, less what is hidden of them, look as large as the cloth: a curve with few sections.
+  Weave weave = load_fabric("linen-plain").weave;
+  weave.threads[1].curve = {{-0.8, -0.8, 0.8, 0.8}, {1, 0, 1}};
+  const Cloth steep(weave, 64, SurfaceLobe::printed, FamilyMasking::crowns);
+  const glm::dvec3 w = direction(70, 90);
+  EXPECT_NEAR(
+      steep.unmasked(0, w) * std::sin(0.8 + 20 * degree) / 2, std::cos(0.8) * std::cos(70 * degree), 1e-12);
+}
+
+TEST(Cloth, FamiliesHideOnlyEachOther) {
+  for (const std::string& name : fabric_names()) {
+    const Cloth plain(load_fabric(name).weave), masked = crowned(name);
+    const auto up = direction(0, 0);
+    EXPECT_NEAR(sum_of(masked.eval(up, up)), sum_of(plain.eval(up, up)), 1e-12) << name;
+    EXPECT_DOUBLE_EQ(masked.open(up), plain.open(up)) << name;
+    for (std::size_t j = 0; j < masked.strands().size(); ++j)
+      for (const double theta : {20.0, 70.0, 88.0})
+        for (const double azimuth : {0.0, 30.0, 100.0, 260.0}) {
+          const double share = masked.unmasked(j, direction(theta, azimuth));
+          EXPECT_TRUE(share > 0 && share <= 1) << name << ' ' << theta;
+        }
+    // Toward the eye no more than without: white surroundings.
+    for (const double theta : {5.0, 60.0, 85.0}) {
+      const auto view = direction(theta, 40);
+      const Rgb radiance = masked.albedo(view, 32);
+      for (const double value : radiance) EXPECT_LE(value + masked.open(view), 1) << name << ' ' << theta;
+    }
+  }
+  // One family without a gap, given as two threads that run to and fro, hides nothing.
+  Weave weave = load_fabric("linen-plain").weave;
+  weave.threads[1].direction = pi;
+  for (WeaveThread& thread : weave.threads) thread.coverage = 0.5;
+  const Cloth plain(weave), masked(weave, 64, SurfaceLobe::printed, FamilyMasking::crowns);
+  const auto light = direction(80, 10), view = direction(75, 200);
+  EXPECT_EQ(masked.eval(light, view), plain.eval(light, view));
+  // Light along the crowns of linen is kept from the other threads, and not from their own.
+  const Cloth linen(load_fabric("linen-plain").weave), hidden = crowned("linen-plain");
+  const auto low = direction(85, 90), high = direction(10, 90);
+  EXPECT_LT(sum_of(hidden.eval(low, high)), 0.99 * sum_of(linen.eval(low, high)));
+  // Many pairs take the same way, samples their weights from it; devices refuse.
+  const std::vector<glm::dvec3> lights{low, high, light}, views{high, low, view};
+  std::vector<Rgb> values(3);
+  hidden.eval(lights, views, values);
+  for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(values[k], hidden.eval(lights[k], views[k]));
+  const ClothSample sample = hidden.sample(view, {0.3, 0.4, 0.9, 0.2});
+  ASSERT_GT(sample.pdf, 0);
+  EXPECT_NEAR(sum_of(sample.weight) * sample.pdf, sum_of(hidden.eval(sample.light, view)), 1e-12);
+  EXPECT_THROW(ClothProgram(hidden, compute::Device()), InputError);
+}
+
+TEST(Cloth, LightThroughTheGap) {
+  for (const std::string& name : fabric_names()) {
+    const Fabric fabric = load_fabric(name);
+    double covered = 0;
+    for (const WeaveThread& thread : fabric.weave.threads) covered += thread.coverage;
+    const Cloth cloth(fabric.weave);
+    for (const double theta : {0.0, 50.0, 89.0}) {
+      const double open = cloth.open(direction(theta, 70));
+      if (covered > 1 - 1e-9)
+        EXPECT_NEAR(open, 0, 1e-9) << name;
+      else
+        EXPECT_TRUE(open > 0 && open < 1) << name << ' ' << theta;
+    }
+    EXPECT_EQ(cloth.open({0, 0, -1}), 0) << name;
+  }
+  // Linen from above: <cos psi> = sin a / a of two thirds, and a third.
+  const Cloth linen(load_fabric("linen-plain").weave, 20000);
+  const double a = 25 * degree, threads = 0.66 * std::sin(a) / a;
+  EXPECT_NEAR(linen.open({0, 0, 1}), 0.34 / (threads + 0.34), 1e-9);
+  // Flat threads along x seen from across keep their width while the gap closes.
+  const Weave flat{{{load_fabric("linen-plain").weave.threads[0].thread, 0.6, 0, {{0, 0}, {1}}}}};
+  const Cloth grid(flat);
+  for (const double theta : {0.0, 40.0, 80.0}) {
+    const double cosine = std::cos(theta * degree);
+    EXPECT_NEAR(grid.open(direction(theta, 90)), 0.4 * cosine / (0.6 + 0.4 * cosine), 1e-12);
+    EXPECT_NEAR(grid.open(direction(theta, 0)), 0.4, 1e-12);
+  }
+  EXPECT_THROW((void)linen.open({0, 0, 2}), InputError);
+}
+
 TEST(TangentCurve, SamplesAreEquallySpaced) {
   const std::vector<double> line = sample_curve({{-0.4, 0.4}, {3}}, 4);
   const double expected[] = {-0.3, -0.1, 0.1, 0.3};

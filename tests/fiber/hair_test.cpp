@@ -10,8 +10,10 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <cmath>
 #include <fstream>
 #include <limits>
+#include <vector>
 
 namespace {
 
@@ -250,6 +252,22 @@ TEST(Hair, SamplesFollowThePdf) {
   scatter::test::expect_weights_average_to_albedo(HairScattering(without_residual()), 0.2, 0.015, 20'000);
 }
 
+TEST(FiberScattering, LobesAreChosenByTheirShares) {
+  const double before_one = std::nextafter(1.0, 0.0);
+  for (const std::vector<double>& shares :
+       {std::vector<double>{0.1, 0.2, 0.3, 0.4},
+        {0.5, 0, 0.5, 0},
+        {0, 0, 1},
+        {1, 0, 0},
+        {1.0 / 3, 1.0 / 3, 1.0 / 3, 0}}) {
+    std::vector<int> counts(shares.size());
+    constexpr int count = 12000;
+    for (int i = 0; i < count; ++i) ++counts[chosen(shares, (i + 0.5) / count)];
+    for (std::size_t k = 0; k < shares.size(); ++k) EXPECT_NEAR(counts[k], shares[k] * count, 1) << k;
+    for (const double u : {0.0, before_one, 1.0}) EXPECT_GT(shares[chosen(shares, u)], 0) << u;
+  }
+}
+
 TEST(Hair, OtherSectionsAreSampledToo) {
   // Two colours of one section, and a third: any CrossSection will do.
   const auto clear = std::make_shared<const RaySection>(1.55, 0.0);
@@ -280,6 +298,9 @@ TEST(Hair, StaysFiniteAtEveryEdge) {
 }
 
 TEST(Hair, WrongParametersAreNamed) {
+  const HairScattering hair{HairParameters{}};
+  for (const double theta_i : {pi / 2, -pi / 2, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_THROW((void)hair.lobe_energies(theta_i), InputError);
   const auto message = [](auto change) -> std::string {
     HairParameters parameters;
     change(parameters);
