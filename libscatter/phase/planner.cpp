@@ -20,6 +20,8 @@ constexpr double job = 0.3;       ///< device, kernels, tables
 constexpr double ray = 15e-9;     ///< per ray and order, with its patch
 constexpr double hit = 30e-9;     ///< per direction and order
 constexpr double window = 0.25;   ///< of the integral, at x = 5000
+constexpr double rings = 0.12;    ///< of the integral along lines of constant azimuth, at x = 5000 ..
+constexpr double column = 0.004;  ///< .. and per azimuth
 constexpr double estimate = 4e-8; ///< of the error: per unit of x, order and 100 angles
 } // namespace cost
 
@@ -38,6 +40,13 @@ double windows(const Request& request, double columns) {
   const double across =
       columns == 1 ? 1 : 15 * std::sin(0.5 * (first + last) * radians_per_degree) + 1; // half a turn
   return std::max(1.0, ((last - first) / 12 + 1) / (last - first > 60 ? 3 : 1.5)) * across;
+}
+
+/// Orders up to this one are mostly summed along lines of constant azimuth; those of flat drops fold in
+/// azimuth, too.
+double last_order_by_columns(const Request& request) {
+  const double flattening = std::abs(1 - request.shape.axis_ratio());
+  return flattening < 1e-9 ? 1e9 : std::max(0.04 / flattening, flattening < 0.06 ? 2.0 : 0.0);
 }
 
 std::string orders_text(const std::vector<int>& orders) {
@@ -73,8 +82,10 @@ Prediction predict(const Request& request, const ErrorModel& errors) {
   double each = cost::ray * half * request.rays * request.rays * orders +
                 cost::hit * rows * columns * static_cast<double>(request.orders.size());
   if (request.diffraction == Diffraction::integral)
-    each += cost::window * (x / 5000) * (columns == 1 ? 0.2 : 1) * windows(request, columns) *
-            static_cast<double>(request.orders.size());
+    for (const int order : request.orders)
+      each += (x / 5000) * (order <= last_order_by_columns(request)
+                                ? cost::rings + cost::column * columns
+                                : cost::window * (columns == 1 ? 0.2 : 1) * windows(request, columns));
   const double judged = std::min(wavelengths, 3.0) * cost::estimate * x * orders * rows / 100;
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());
   const double cores = request.threads > 0 ? std::min<double>(request.threads, all) : all;

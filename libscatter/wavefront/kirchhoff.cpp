@@ -131,30 +131,41 @@ IntegralShare integral_share(
       }
   }
   const int rows = static_cast<int>(layout.theta_deg.size());
+  std::vector<double> sin_theta, cos_theta, cos_phi, sin_phi;
+  for (const double theta : layout.theta_deg) {
+    sin_theta.push_back(sin_deg(theta));
+    cos_theta.push_back(cos_deg(theta));
+  }
+  for (int column = columns.first; column < columns.end; ++column) {
+    cos_phi.push_back(cos_deg(layout.phi_deg[column]));
+    sin_phi.push_back(sin_deg(layout.phi_deg[column]));
+  }
   IntegralShare share;
   for (const Caustic& caustic : caustics) {
     const double outer = caustic.outer, inner_end = caustic.inner;
     const double theta = std::acos(std::clamp(caustic.direction[2], -1.0, 1.0)) / radians_per_degree;
-    const double reach = outer / radians_per_degree;
+    const double reach = outer / radians_per_degree, outer_cosine = std::cos(outer);
+    const double farthest_across = std::sin(std::min(outer, 1.5));
     const auto first = std::upper_bound(
         layout.theta_deg.begin(), layout.theta_deg.end(), std::max(theta - reach, polar_cap_deg));
     const auto end = std::lower_bound(
         layout.theta_deg.begin(), layout.theta_deg.end(), std::min(theta + reach, 180 - polar_cap_deg));
     if (first >= end) continue;
     for (int column = 0; column < columns.count(); ++column) {
-      const double phi = layout.phi_deg[columns.first + column];
       // The nearest the column comes.
-      const Vector side{cos_deg(phi), sin_deg(phi), 0};
-      const double across = caustic.direction[0] * side[1] - caustic.direction[1] * side[0];
-      if (std::abs(across) > std::sin(std::min(outer, 1.5))) continue;
+      const Vector& d = caustic.direction;
+      const double across = d[0] * sin_phi[column] - d[1] * cos_phi[column];
+      if (std::abs(across) > farthest_across) continue;
+      const double along_column = d[0] * cos_phi[column] + d[1] * sin_phi[column];
       for (auto t = first; t != end; ++t) {
-        const double cosine = inner(caustic.direction, direction(*t, phi));
-        if (cosine < std::cos(outer)) continue;
+        const std::size_t row = t - layout.theta_deg.begin();
+        const double cosine = along_column * sin_theta[row] + d[2] * cos_theta[row];
+        if (cosine < outer_cosine) continue;
         const double angle = std::acos(std::min(cosine, 1.0));
         const double value = smooth_step(angle, inner_end, outer) *
                              smooth_step(-std::min(*t, 180 - *t), -polar_cap_end_deg, -polar_cap_deg);
         if (share.empty()) share.assign(static_cast<std::size_t>(rows) * columns.count(), 0.0F);
-        float& at = share[static_cast<std::size_t>(column) * rows + (t - layout.theta_deg.begin())];
+        float& at = share[static_cast<std::size_t>(column) * rows + row];
         at = std::max(at, static_cast<float>(value));
       }
     }

@@ -45,6 +45,9 @@ constexpr std::size_t columns_at_once = 512;
 constexpr int fewest_azimuths = 32, most_azimuths = 128;
 /// The azimuth of directions grows at least this fast with that of the impact.
 constexpr double slowest_azimuth = 0.2;
+/// About grazing exit azimuths turn back in narrow stretches, by so much at most [rad]: one of the three rays
+/// there, all of them faint, is enough.
+constexpr double most_turned_back = 0.2;
 /// Away from the rim the determinant of (momentum, azimuth) falls to no less than this share of its largest
 /// on the ring.
 constexpr double least_determinant = 0.05;
@@ -221,17 +224,16 @@ public:
 
   /// Impact azimuths between which lies that of the ray whose direction has this azimuth.
   struct Bracket {
-    double low, high;
+    double low, high, guess;
   };
   [[nodiscard]] Bracket around(double phi) const;
 
-  /// From the series: the ray whose direction has this azimuth; `turn` is what its azimuth may exceed its
-  /// impact's by, and becomes that.
+  /// From the series: the ray whose direction has this azimuth.
   struct Found {
-    Values values;
-    int nearest; ///< of the traced rays
+    Values values{};
+    int nearest = 0; ///< of the traced rays
   };
-  [[nodiscard]] std::optional<Found> towards(double phi, double& turn) const;
+  [[nodiscard]] Found towards(double phi) const;
 
 private:
   State describe(fftw_plan plan, double ka, bool next_to_rim);
@@ -239,7 +241,7 @@ private:
   std::vector<double> samples_;
   int azimuths_ = 0;
   State state_ = State::none;
-  std::vector<double> azimuth_; ///< of directions, growing; one turn and its end
+  std::vector<double> azimuth_; ///< of directions, the farthest so far; one turn and its end
   std::vector<double> series_;  ///< [harmonic][cosine, sine][field]
 };
 
@@ -282,11 +284,14 @@ Ring::State Ring::describe(fftw_plan plan, double ka, bool next_to_rim) {
   for (int j = 0; j < azimuths_; ++j) azimuth_[j] = psi(j) + unwrapped[j];
   azimuth_.back() = azimuth_.front() + 2 * pi;
   bool steady = true;
+  double turned_back = 0;
   for (int j = 0; j < azimuths_; ++j) {
-    const double change = (azimuth_[j + 1] - azimuth_[j]) * azimuths_ / (2 * pi);
-    if (change <= 0) return State::none;
-    steady = steady && change > slowest_azimuth;
+    const double change = azimuth_[j + 1] - azimuth_[j];
+    steady = steady && change > slowest_azimuth * 2 * pi / azimuths_;
+    turned_back = std::max(turned_back, -change);
+    azimuth_[j + 1] = std::max(azimuth_[j], azimuth_[j + 1]);
   }
+  if (turned_back > (next_to_rim ? most_turned_back : 0.0)) return State::none;
   const bool one_sign = negative == 0 || negative == azimuths_;
   if (!next_to_rim && (!one_sign || least < least_determinant * most)) return State::none;
   if (!steady) return State::unsmooth;
@@ -324,7 +329,9 @@ Ring::Bracket Ring::around(double phi) const {
   const double above = phi - 2 * pi * std::floor((phi - azimuth_.front()) / (2 * pi));
   const auto next =
       std::clamp<std::ptrdiff_t>(std::ranges::upper_bound(azimuth_, above) - azimuth_.begin(), 1, azimuths_);
-  return {psi(static_cast<int>(next) - 1), psi(static_cast<int>(next))};
+  const double low = psi(static_cast<int>(next) - 1), high = psi(static_cast<int>(next));
+  const double share = (above - azimuth_[next - 1]) / std::max(azimuth_[next] - azimuth_[next - 1], 1e-12);
+  return {low, high, low + share * (high - low)};
 }
 
 /// Fields at the angle with this cosine and sine.
@@ -340,21 +347,30 @@ void add_harmonics(const double* series, std::size_t harmonics, double cosine, d
   for (int f = 0; f < ring_fields; ++f) values[f] = sums[f];
 }
 
-std::optional<Ring::Found> Ring::towards(double phi, double& turn) const {
-  double psi = phi - turn;
-  Values values;
-  for (int step = 0; step < 20; ++step) {
+Ring::Found Ring::towards(double phi) const {
+  Bracket bracket = around(phi);
+  // The series leave out a little of what the traced rays have.
+  const double slack = 0.01 * (bracket.high - bracket.low);
+  bracket.low -= slack;
+  bracket.high += slack;
+  double psi = bracket.guess;
+  for (;;) {
+    Found found;
     add_harmonics(
-        series_.data(), series_.size() / (2 * ring_fields), std::cos(psi), std::sin(psi), values.data());
-    const double missed = psi + values[turned] - phi, away = missed - 2 * pi * std::rint(missed / (2 * pi));
-    if (std::abs(away) < 1e-9) {
-      turn = values[turned];
+        series_.data(), series_.size() / (2 * ring_fields), std::cos(psi), std::sin(psi),
+        found.values.data());
+    const double missed = psi + found.values[turned] - phi;
+    const double away = missed - 2 * pi * std::rint(missed / (2 * pi));
+    (away > 0 ? bracket.high : bracket.low) = psi;
+    if (std::abs(away) < 1e-9 || bracket.high - bracket.low < 1e-12) {
       const int nearest = static_cast<int>(std::rint(psi / (2 * pi) * azimuths_));
-      return Found{values, ((nearest % azimuths_) + azimuths_) % azimuths_};
+      found.nearest = ((nearest % azimuths_) + azimuths_) % azimuths_;
+      return found;
     }
-    psi -= away / std::max(values[turning], 0.5 * slowest_azimuth);
+    // Newton's step, or the middle.
+    const double next = psi - away / found.values[turning];
+    psi = next > bracket.low && next < bracket.high ? next : 0.5 * (bracket.low + bracket.high);
   }
-  return std::nullopt;
 }
 
 /// A plan for one length, freed with it.
@@ -717,18 +733,15 @@ void add_meridian_integral(
         std::array<double, 4> traced{}; ///< focal lines, theta, both determinants: of one traced ray nearby
       };
       std::vector<Found> rays_of_rings(rings.size());
-      double turn = 0;
       std::size_t next_searched = 0;
       for (std::size_t r = 0; r < rings.size(); ++r) {
         const Ring& ring = rings[r];
         if (ring.state() == Ring::State::none) continue;
         Found& ray = rays_of_rings[r];
         if (ring.state() == Ring::State::series) {
-          const auto from_series = ring.towards(phi[c], turn);
-          if (!from_series)
-            throw RunError("diffraction integral: no ray of a ring has the azimuth asked for");
-          ray.values = from_series->values;
-          const auto traced = [&](Field field) { return ring.sample(field, from_series->nearest); };
+          const Ring::Found from_series = ring.towards(phi[c]);
+          ray.values = from_series.values;
+          const auto traced = [&](Field field) { return ring.sample(field, from_series.nearest); };
           ray.traced = {traced(foci), traced(theta_of), traced(determinant), traced(spreading)};
         } else {
           const double* const from = found.data() + (next_searched++ * ring_fields) * phi.size() + c;

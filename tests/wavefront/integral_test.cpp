@@ -128,6 +128,61 @@ TEST(DiffractionIntegral, DoesNotDependOnItsWindows) {
   EXPECT_LT(worst, 0.01 * peak);
 }
 
+TEST(DiffractionIntegral, IsTheSameAlongLinesOfAzimuthAndOverWindows) {
+  // Two charts of the same wavefront: at each azimuth an integral over theta's momentum alone, and one over
+  // both momenta in windows of directions. They have nothing in common but rays and coefficients. At these
+  // azimuths windows do not suffer from the rim (see the next test).
+  Tracing tracing;
+  tracing.shape = drop::spheroid(0.3e-3, 0.997);
+  tracing.sun_elevation_deg = 30;
+  tracing.orders = {2};
+  tracing.rays = 600;
+  tracing.focal_lines = FocalLines::exact;
+  Tracer tracer(tracing, device());
+  Wanted wanted = integral_at(range(132, 144, 0.25));
+  wanted.phi_deg = range(0, 60, 20);
+  const FarField lines = far_field(tracer, red, wanted);
+  wanted.integral_by_windows = true;
+  const FarField windows = far_field(tracer, red, wanted);
+  double peak = 0, worst = 0;
+  for (std::size_t i = 0; i < lines.amplitude.size(); ++i) {
+    const Amplitude &a = lines.amplitude[i], &b = windows.amplitude[i];
+    peak = std::max({peak, std::abs(b.S1), std::abs(b.S2)});
+    worst = std::max(worst, difference(a, b));
+  }
+  std::printf("lines and windows differ by %.3f %% of the peak\n", 100 * worst / peak);
+  EXPECT_GT(worst, 0);
+  EXPECT_LT(worst, 0.002 * peak);
+}
+
+TEST(DiffractionIntegral, DarkSideOfARaindropsBowIsDark) {
+  // Beyond a bow its order dies out within a degree, and no ray is near: what is left there comes from rays
+  // that graze, 20 deg and more away, where a drop's momenta bend.
+  Tracing tracing;
+  tracing.shape = drop::beard_chuang(0.5e-3);
+  tracing.sun_elevation_deg = 20;
+  tracing.orders = {2, 3};
+  tracing.rays = 600;
+  tracing.focal_lines = FocalLines::exact;
+  Tracer tracer(tracing, device());
+  for (const int order : {2, 3}) {
+    Wanted wanted = integral_at(order == 2 ? range(134, 145, 0.1) : range(125, 135, 0.1));
+    wanted.phi_deg = range(0, 180, 15);
+    const FarField field = far_field(tracer, red, wanted);
+    const std::size_t azimuths = wanted.phi_deg.size(), angles = wanted.theta_deg.size();
+    double peak = 0, dark = 0;
+    for (std::size_t t = 0; t < angles; ++t)
+      for (std::size_t f = 0; f < azimuths; ++f) {
+        const Amplitude& a = field.order_amplitude[(order == 2 ? 0 : angles * azimuths) + t * azimuths + f];
+        const double size = std::max(std::abs(a.S1), std::abs(a.S2)), theta = wanted.theta_deg[t];
+        peak = std::max(peak, size);
+        if (order == 2 ? theta < 134.5 : theta > 133.5) dark = std::max(dark, size);
+      }
+    std::printf("order %d: at most %.2f %% of the peak on the dark side\n", order, 100 * dark / peak);
+    EXPECT_LT(dark, (order == 2 ? 0.005 : 0.015) * peak);
+  }
+}
+
 TEST(DiffractionIntegral, RefusesWhatItCannotDo) {
   Tracing tracing = sphere_as_drop(0.2e-3, {2}, 100);
   tracing.focal_lines = FocalLines::rule;
