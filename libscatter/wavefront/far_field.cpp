@@ -78,12 +78,14 @@ struct Tracer::Implementation : RayProgram {
   struct Pass {
     Job job;
     cl::Buffer job_data, energy;
-    std::vector<cl::Buffer> sums, scratch; ///< per slice
-    bool clean = false;                    ///< all sums are zero
-    std::optional<CoarseRays> coarse;      ///< with the diffraction integral
-    std::optional<Shadow> shadow;          ///< order 0 with it
-    std::vector<IntegralShare> shares;     ///< of the integral, per order
-    cl::Buffer kept;                       ///< of patches: 1 less that
+    std::vector<cl::Buffer> sums, scratch;              ///< per slice
+    bool clean = false;                                 ///< all sums are zero
+    std::optional<CoarseRays> coarse;                   ///< with the diffraction integral
+    std::optional<Shadow> shadow;                       ///< order 0 with it
+    std::vector<IntegralShare> shares;                  ///< of the integral, per order
+    std::vector<IntegralShare> by_windows;              ///< of that over windows of directions
+    std::vector<std::optional<MeridianIntegral>> lines; ///< and along lines of constant azimuth
+    cl::Buffer kept;                                    ///< of patches: 1 less that
   };
 
   /// Directions of a block of columns on the device.
@@ -134,13 +136,13 @@ struct Tracer::Implementation : RayProgram {
         static_cast<double>(layout.theta_deg.size()) * c.columns * (wanted.matrix ? 16.0 : 8.0) * 2;
     const double scratch =
         static_cast<double>(scratch_size()) * std::max(c.at_once * c.slices, 1) * sizeof(double);
-    // Shares of the diffraction integral, twice; coarse rays and windows in flight.
+    // Shares of the diffraction integral; coarse rays, rings and windows in flight.
     const double orders = last_order() + 1;
     const double integral =
         wanted.integral
             ? c.at_once * orders *
-                      (2.0 * sizeof(float) * static_cast<double>(layout.theta_deg.size()) * c.columns +
-                       coarse_rays_bytes()) +
+                      (5.0 * sizeof(float) * static_cast<double>(layout.theta_deg.size()) * c.columns +
+                       coarse_rays_bytes() + meridian_rays_bytes(2 * pi * tracing.shape.radius_m / 400e-9)) +
                   5e8
             : 0;
     return c.at_once * c.slices * c.bytes_per_slice + scratch + integral +
@@ -454,6 +456,9 @@ struct Tracer::Implementation : RayProgram {
     const std::size_t size = static_cast<std::size_t>(run.rows()) * block.count();
     std::vector<float> kept(size * (last_order() + 1), 1.0F);
     pass.shares.assign(last_order() + 1, {});
+    pass.by_windows = pass.shares;
+    pass.lines.clear();
+    pass.lines.resize(last_order() + 1);
     if (order_wanted[0] != 0) {
       if (!pass.shadow) pass.shadow.emplace(tracing.shape, tracing.sun_elevation_deg, light);
       for (int column = 0; column < block.count(); ++column)
@@ -463,7 +468,22 @@ struct Tracer::Implementation : RayProgram {
     }
     for (int p = 1; p <= last_order(); ++p) {
       if (order_wanted[p] == 0) continue;
-      pass.shares[p] = integral_share(*pass.coarse, light, tracing.shape.radius_m, p, run.layout, block, {});
+      const auto zone = [&](const IntegralZone& wide) {
+        return integral_share(*pass.coarse, light, tracing.shape.radius_m, p, run.layout, block, wide);
+      };
+      if (!run.wanted.integral_by_windows)
+        if (const IntegralShare wanted = zone(line_zone); !wanted.empty())
+          pass.lines[p].emplace(*this, *pass.coarse, light, p, run.layout, block, wanted);
+      pass.by_windows[p] = pass.shares[p] = zone(window_zone);
+      if (pass.lines[p]) {
+        // Windows keep what lines do not serve.
+        const IntegralShare& by_lines = pass.lines[p]->share();
+        pass.by_windows[p].resize(size, 0.0F);
+        for (std::size_t i = 0; i < size; ++i)
+          if (by_lines[i] > 0) pass.by_windows[p][i] = 0;
+        pass.shares[p] = by_lines;
+        for (std::size_t i = 0; i < size; ++i) pass.shares[p][i] += pass.by_windows[p][i];
+      }
       for (std::size_t i = 0; i < pass.shares[p].size(); ++i) kept[p * size + i] -= pass.shares[p][i];
     }
     pass.kept = cl().upload(kept);
@@ -484,13 +504,12 @@ struct Tracer::Implementation : RayProgram {
     for (std::size_t w = 0; w < batch.size(); ++w)
       for (int p = 1; p <= last_order(); ++p) {
         Pass& pass = run.passes[w];
-        IntegralShare& share = pass.shares[p];
-        if (share.empty()) continue;
-        if (!run.wanted.integral_by_windows)
-          on_host(run, block, pass.sums[0], [&](std::span<double> sums) {
-            add_meridian_integral(*this, *pass.coarse, batch[w], p, run.layout, block, share, sums);
-          });
-        add_integral(*this, *pass.coarse, batch[w], p, share, run.layout, block, directions, pass.sums[0]);
+        if (pass.lines[p])
+          on_host(run, block, pass.sums[0], [&](std::span<double> sums) { pass.lines[p]->add(sums); });
+        pass.lines[p].reset();
+        add_integral(
+            *this, *pass.coarse, batch[w], p, pass.by_windows[p], run.layout, block, directions,
+            pass.sums[0]);
       }
   }
 

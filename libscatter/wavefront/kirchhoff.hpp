@@ -51,8 +51,11 @@ private:
 /// pattern, none beyond `outer`; and where rays left at grazing incidence, up to this -tau of
 /// kernels/grazing.cl.
 struct IntegralZone {
-  double inner = 8, outer = 12, grazing = 6;
+  double inner, outer, grazing;
 };
+/// Over windows of directions, which cost as much as the zone is large, and along lines of constant azimuth.
+/// Patches err by 0.2 % of an order's peak at 10 widths, 0.01 % at 35.
+constexpr IntegralZone window_zone{8, 12, 6}, line_zone{30, 40, 6};
 
 /// Where the integral stands in for patches.
 [[nodiscard]] IntegralShare integral_share(

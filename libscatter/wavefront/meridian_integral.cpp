@@ -169,6 +169,7 @@ Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<con
     steepest = std::max(steepest, std::min(change, steepest_momentum * cell));
   }
   Places places;
+  if (cells.empty()) return places;
   // Coarse rays are lost where they would leave beyond grazing.
   int grazing = static_cast<int>(rim_from / cell);
   for (int a = grazing; a > 0; --a)
@@ -180,7 +181,7 @@ Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<con
     for (int i = 0; i < per_cell; ++i) places.at.push_back((a + (i + 0.5) / per_cell) * cell);
   places.step.assign(places.at.size(), cell / per_cell);
   places.first_beyond = places.at.size();
-  if (cells.empty() || cells.back() != CoarseRays::alphas - 1) return places;
+  if (cells.back() != CoarseRays::alphas - 1) return places;
   places.at.push_back(0.5 * pi - 1e-5);
   places.step.push_back(0);
   ++places.first_beyond;
@@ -563,7 +564,7 @@ public:
 
   void
   add(const Stretch& s, std::span<const MeridianRay> rays, const Reference& reference, const Layout& layout,
-      double phi_deg, std::span<float> share, std::span<double> sums);
+      double phi_deg, std::span<const float> share, std::span<double> sums);
 
 private:
   static std::array<double, taps> tap_values(double z) {
@@ -590,7 +591,7 @@ private:
 
 void StretchSum::add(
     const Stretch& s, std::span<const MeridianRay> rays, const Reference& reference, const Layout& layout,
-    double phi_deg, std::span<float> share, std::span<double> sums) {
+    double phi_deg, std::span<const float> share, std::span<double> sums) {
   const double ka = pi * wave_;
   const auto [lowest, highest] = std::ranges::minmax(rays | std::views::transform(&MeridianRay::momentum));
   const double centre = 0.5 * (lowest + highest);
@@ -675,39 +676,57 @@ void StretchSum::add(
       to[4] += e1.imag();
       to[5] += e2.imag();
     }
-    share[row] = 0;
   }
 }
 
 } // namespace
 
-void add_meridian_integral(
-    RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& layout,
-    Columns columns, IntegralShare& share, std::span<double> sums) {
-  const Job job = rays.make_job(light, 2, order);
-  const double ka = pi * job.wave;
-  const std::vector<Stretch> all = stretches(coarse, order, ka, share, layout, columns);
-  if (all.empty()) return;
-  const Places places = ring_places(coarse, order, ka, all);
-  if (places.at.empty()) return;
-  const std::size_t workers = rays.device.info().compute_units;
+struct MeridianIntegral::Implementation {
+  Implementation(
+      RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& on,
+      Columns block, const IntegralShare& wanted)
+      : layout(on), columns(block), wave(rays.make_job(light, 2, order).wave), share(wanted),
+        workers(rays.device.info().compute_units),
+        all(stretches(coarse, order, pi * wave, wanted, on, block)),
+        places(ring_places(coarse, order, pi * wave, all)), program(rays, light, order, places) {
+    if (all.empty()) return;
+    rings = make_rings(program, workers, pi * wave, places);
+    // What is not served is left to others.
+    const std::size_t rows = layout.theta_deg.size();
+    std::erase_if(all, [&](const Stretch& s) {
+      if (serves(rings, s, phi(s.column))) return false;
+      std::fill_n(
+          share.begin() + static_cast<std::ptrdiff_t>(s.column * rows) + s.first, s.end - s.first, 0.0F);
+      return true;
+    });
+    if (places.first_beyond > 0 && places.first_beyond < rings.size() &&
+        rings[places.first_beyond - 1].state() != Ring::State::none)
+      references = References(rings[places.first_beyond - 1]);
+  }
 
-  RingProgram program(rays, light, order, places);
-  const std::vector<Ring> rings = make_rings(program, workers, ka, places);
-  std::vector<char> served;
-  for (const Stretch& s : all)
-    served.push_back(serves(rings, s, layout.phi_deg[columns.first + s.column] * radians_per_degree));
+  [[nodiscard]] double phi_deg(int column) const { return layout.phi_deg[columns.first + column]; }
+  [[nodiscard]] double phi(int column) const { return phi_deg(column) * radians_per_degree; }
+  void add(std::span<double> sums);
+
+  const Layout& layout;
+  Columns columns;
+  double wave;
+  IntegralShare share;
+  std::size_t workers;
+  std::vector<Stretch> all; ///< that are served, column by column
+  Places places;
+  RingProgram program;
+  std::vector<Ring> rings;
   References references;
-  if (places.first_beyond < rings.size() && rings[places.first_beyond - 1].state() != Ring::State::none)
-    references = References(rings[places.first_beyond - 1]);
-  // Columns with their stretches.
+};
+
+void MeridianIntegral::Implementation::add(std::span<double> sums) {
   struct ColumnWork {
     int column;
     std::size_t first, end;
   };
   std::vector<ColumnWork> work;
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (served[i] == 0) continue;
     if (work.empty() || work.back().column != all[i].column) work.push_back({all[i].column, i, i});
     work.back().end = i + 1;
   }
@@ -715,16 +734,15 @@ void add_meridian_integral(
   for (std::size_t r = 0; r < rings.size(); ++r)
     if (rings[r].state() == Ring::State::unsmooth) searched.push_back(r);
   std::vector<StretchSum> sum_of_worker;
-  for (std::size_t worker = 0; worker < workers; ++worker) sum_of_worker.emplace_back(job.wave);
+  for (std::size_t worker = 0; worker < workers; ++worker) sum_of_worker.emplace_back(wave);
   const std::size_t rows = layout.theta_deg.size();
   for (std::size_t start = 0; start < work.size(); start += columns_at_once) {
     const auto some = std::span(work).subspan(start, std::min(columns_at_once, work.size() - start));
-    std::vector<double> phi;
-    for (const ColumnWork& w : some)
-      phi.push_back(layout.phi_deg[columns.first + w.column] * radians_per_degree);
-    phi.resize((phi.size() + ray_lanes - 1) / ray_lanes * ray_lanes, phi.back());
+    std::vector<double> azimuth;
+    for (const ColumnWork& w : some) azimuth.push_back(phi(w.column));
+    azimuth.resize((azimuth.size() + ray_lanes - 1) / ray_lanes * ray_lanes, azimuth.back());
     const std::vector<double> found =
-        searched.empty() ? std::vector<double>{} : program.meridians(searched, rings, phi);
+        searched.empty() ? std::vector<double>{} : program.meridians(searched, rings, azimuth);
     side_by_side(workers, some.size(), [&](std::size_t worker, std::size_t c) {
       const int column = some[c].column;
       // A ray in the order of the rings; `lines` are its focal lines.
@@ -739,18 +757,18 @@ void add_meridian_integral(
         if (ring.state() == Ring::State::none) continue;
         Found& ray = rays_of_rings[r];
         if (ring.state() == Ring::State::series) {
-          const Ring::Found from_series = ring.towards(phi[c]);
+          const Ring::Found from_series = ring.towards(azimuth[c]);
           ray.values = from_series.values;
           const auto traced = [&](Field field) { return ring.sample(field, from_series.nearest); };
           ray.traced = {traced(foci), traced(theta_of), traced(determinant), traced(spreading)};
         } else {
-          const double* const from = found.data() + (next_searched++ * ring_fields) * phi.size() + c;
-          for (int f = 0; f < ring_fields; ++f) ray.values[f] = from[f * phi.size()];
+          const double* const from = found.data() + (next_searched++ * ring_fields) * azimuth.size() + c;
+          for (int f = 0; f < ring_fields; ++f) ray.values[f] = from[f * azimuth.size()];
           ray.traced = {
               ray.values[foci], ray.values[theta_of], ray.values[determinant], ray.values[spreading]};
         }
       }
-      const Reference reference = references.empty() ? Reference{} : references.at(phi[c]);
+      const Reference reference = references.empty() ? Reference{} : references.at(azimuth[c]);
       std::vector<MeridianRay> meridian;
       double lines = 0;
       bool spreads = false;
@@ -778,13 +796,29 @@ void add_meridian_integral(
         meridian.push_back(ray);
       }
       for (std::size_t i = some[c].first; i < some[c].end; ++i)
-        if (served[i])
-          sum_of_worker[worker].add(
-              all[i], meridian, reference, layout, layout.phi_deg[columns.first + column],
-              std::span<float>(share).subspan(column * rows, rows),
-              sums.subspan(column * rows * 8, rows * 8));
+        sum_of_worker[worker].add(
+            all[i], meridian, reference, layout, phi_deg(column),
+            std::span<const float>(share).subspan(column * rows, rows),
+            sums.subspan(column * rows * 8, rows * 8));
     });
   }
+}
+
+MeridianIntegral::MeridianIntegral(
+    RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& layout,
+    Columns columns, const IntegralShare& wanted)
+    : implementation_(std::make_unique<Implementation>(rays, coarse, light, order, layout, columns, wanted)) {
+}
+MeridianIntegral::~MeridianIntegral() = default;
+MeridianIntegral::MeridianIntegral(MeridianIntegral&&) noexcept = default;
+MeridianIntegral& MeridianIntegral::operator=(MeridianIntegral&&) noexcept = default;
+
+const IntegralShare& MeridianIntegral::share() const {
+  return implementation_->share;
+}
+
+void MeridianIntegral::add(std::span<double> sums) {
+  implementation_->add(sums);
 }
 
 } // namespace scatter::wavefront

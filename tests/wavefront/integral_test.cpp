@@ -139,7 +139,7 @@ TEST(DiffractionIntegral, IsTheSameAlongLinesOfAzimuthAndOverWindows) {
   tracing.rays = 600;
   tracing.focal_lines = FocalLines::exact;
   Tracer tracer(tracing, device());
-  Wanted wanted = integral_at(range(132, 144, 0.25));
+  Wanted wanted = integral_at(range(134, 141, 0.25));
   wanted.phi_deg = range(0, 60, 20);
   const FarField lines = far_field(tracer, red, wanted);
   wanted.integral_by_windows = true;
