@@ -144,7 +144,8 @@ IntegralShare integral_share(
   for (const Caustic& caustic : caustics) {
     const double outer = caustic.outer, inner_end = caustic.inner;
     const double theta = std::acos(std::clamp(caustic.direction[2], -1.0, 1.0)) / radians_per_degree;
-    const double reach = outer / radians_per_degree, outer_cosine = std::cos(outer);
+    const double reach = outer / radians_per_degree, outer_cosine = std::cos(outer),
+                 inner_cosine = std::cos(inner_end);
     const double farthest_across = std::sin(std::min(outer, 1.5));
     const auto first = std::upper_bound(
         layout.theta_deg.begin(), layout.theta_deg.end(), std::max(theta - reach, polar_cap_deg));
@@ -161,14 +162,23 @@ IntegralShare integral_share(
         const std::size_t row = t - layout.theta_deg.begin();
         const double cosine = along_column * sin_theta[row] + d[2] * cos_theta[row];
         if (cosine < outer_cosine) continue;
-        const double angle = std::acos(std::min(cosine, 1.0));
-        const double value = smooth_step(angle, inner_end, outer) *
-                             smooth_step(-std::min(*t, 180 - *t), -polar_cap_end_deg, -polar_cap_deg);
         if (share.empty()) share.assign(static_cast<std::size_t>(rows) * columns.count(), 0.0F);
         float& at = share[static_cast<std::size_t>(column) * rows + row];
-        at = std::max(at, static_cast<float>(value));
+        if (at == 1) continue;
+        if (cosine >= inner_cosine)
+          at = 1;
+        else
+          at = std::max(at, static_cast<float>(smooth_step(std::acos(cosine), inner_end, outer)));
       }
     }
+  }
+  if (share.empty()) return share;
+  for (int row = 0; row < rows; ++row) {
+    const double theta = layout.theta_deg[row];
+    const auto off_the_poles =
+        static_cast<float>(smooth_step(-std::min(theta, 180 - theta), -polar_cap_end_deg, -polar_cap_deg));
+    for (int column = 0; column < columns.count(); ++column)
+      share[static_cast<std::size_t>(column) * rows + row] *= off_the_poles;
   }
   return share;
 }
