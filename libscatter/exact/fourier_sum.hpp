@@ -31,12 +31,13 @@ cheapest_split(std::size_t count, std::size_t steps, const std::function<double(
 struct FourierSums {
   std::vector<std::complex<double>> S1, S2;
   std::vector<double> rounding; ///< estimated error of S1 and S2, absolute: rounding and neglected terms
+  std::vector<double> largest_partial; ///< |S1|^2 + |S2|^2 + typical / sin(theta)
 };
 
 /// All sets at theta = 2 pi j / steps, j = first..last with 0 < j < steps / 2; good where the sine is
-/// split.smallest_sine or more. threads = 0: all cores; they change no bits.
+/// split.smallest_sine or more. typical: one per set. threads = 0: all cores; they change no bits.
 [[nodiscard]] std::vector<FourierSums> fourier_sums(
     std::span<const PartialWaves> sets, const FourierSplit& split, std::size_t first, std::size_t last,
-    int threads);
+    std::span<const double> typical, int threads);
 
 } // namespace scatter::exact

@@ -27,27 +27,35 @@ enum class Form {
   /// 0: e_{n+1} = e_n + (2n+1) n (n+1) t q_n, q_{n+1} = q_n - e_{n+1} / (n (n+1) (n+2)). From them pi_n -
   /// tau_n = e_n + n^2 (n+1) t q_n and pi_n + tau_n, with weights of their own.
   axis,
-  /// The same steps, but tau_n is left to the weights: tau_n = (n^2 pi_{n+1} - (n+1)^2 pi_{n-1}) / (2n+1).
+  /// As `steps`, but with odd n alone, two at a time: y = sin(theta)^2 in t's place, e_{n+2} = e_n + (2n+1) n
+  /// (n+1) y
+  /// q_n, q_{n+2} = q_n - (2n+3) / (n (n+1) (n+2) (n+3)) e_{n+2}. The sum over even n is left to the weights,
+  /// by
+  /// cos(theta) q_n = ((n+2) q_{n+1} + (n-1) q_{n-1}) / (2n+1): loses 1 / cos(theta), and saves every other
+  /// step.
+  pairs,
+  /// The same steps as axis, but tau_n is left to the weights: tau_n = (n^2 pi_{n+1} - (n+1)^2 pi_{n-1}) /
+  /// (2n+1).
   /// Loses 1 / sin(theta) to the difference.
   steps
 };
 
-/// What the recurrences need, index 0 is n = 1.
+/// What a form's recurrence needs, index 0 is n = 1; for `pairs`, 1 is n = 3.
 struct Recurrence {
-  const double* e_weight = nullptr;     ///< (2n+1) n (n+1)
-  const double* q_weight = nullptr;     ///< -1 / (n (n+1) (n+2))
-  const double* minus_weight = nullptr; ///< n^2 (n+1)
-  const double* plus_weight = nullptr;  ///< 2n (n+1)
-  std::size_t count = 0;                ///< even
+  const double* e_weight = nullptr; ///< (2n+1) n (n+1)
+  const double* q_weight = nullptr; ///< -1 / (n (n+1) (n+2)), or -(2n+3) / (n (n+1) (n+2) (n+3)) for `pairs`
+  const double* minus_weight = nullptr; ///< n^2 (n+1); for `axis`
+  const double* plus_weight = nullptr;  ///< 2n (n+1); for `axis`
+  std::size_t count = 0;                ///< even; n, odd or not
   std::size_t stretch = 2;              ///< even, so that a place within a stretch tells the parity of n
 };
 
 /// Input and output for some points. Sums of set s, component c in 0..7 and point i stand at
 /// sums[(8 s + c) points + i]: for Form::axis, components 0..3 are (S1 + S2) / 2 and (S1 - S2) / 2 of theta,
 /// real and imaginary parts, 4..7 those of pi - theta. Otherwise 0..3 are S1 and S2 summed over odd n, 4..7
-/// over even n.
+/// over even n, for Form::pairs times cos(theta).
 struct Points {
-  const double* t = nullptr;
+  const double* t = nullptr;      ///< or y, for Form::pairs
   const double* nearby = nullptr; ///< a double close by, on the other side of the true value
   const double* share = nullptr;  ///< how much of the way to `nearby` the true value is, 0..1/2
   double* sums = nullptr;
@@ -80,7 +88,8 @@ SCATTER_KERNEL void accumulate(
 #pragma GCC unroll 2
     for (std::size_t parity = 0; parity < 2; ++parity) {
       const double* const weight = weights + 4 * (k + parity) + first_part;
-      const Lanes* const function = stored + ((k + parity) * all_rows + first_row) * functions;
+      const std::size_t place = form == Form::pairs ? k / 2 : k + parity;
+      const Lanes* const function = stored + (place * all_rows + first_row) * functions;
 #pragma GCC unroll 8
       for (std::size_t c = 0; c < parts; ++c) {
         const double w = weight[c];
@@ -152,9 +161,10 @@ sum_points(const Recurrence& recurrence, std::span<const double* const> weights,
         q_n[r] = q[r];
         e_n[r] = e[r];
       }
-      for (std::size_t k = 0; k < terms; ++k) {
-        const double e_weight = recurrence.e_weight[first + k];
-        const double q_weight = recurrence.q_weight[first + k];
+      constexpr std::size_t together = form == Form::pairs ? 2 : 1; // n per step
+      for (std::size_t k = 0; k < terms / together; ++k) {
+        const double e_weight = recurrence.e_weight[first / together + k];
+        const double q_weight = recurrence.q_weight[first / together + k];
 #pragma GCC unroll 8
         for (std::size_t r = 0; r < rows; ++r) {
           if constexpr (form == Form::axis) {
@@ -198,6 +208,62 @@ sum_points(const Recurrence& recurrence, std::span<const double* const> weights,
       __builtin_memcpy(points.largest + (first_set + s) * 2 * all, largest[s], sizeof largest[s]);
     }
   }
+}
+
+/// The same for one set, not Form::axis, where registers hold everything: `rows` rows out of `all` / width,
+/// from the point number `offset` on. The same bits.
+template <Form form, std::size_t width, std::size_t rows>
+SCATTER_KERNEL void sum_one_set(
+    const Recurrence& recurrence, const double* weights, const Points& points, std::size_t all,
+    std::size_t offset) {
+  static_assert(form != Form::axis);
+  using Lanes = typename VectorOf<width>::type;
+  Lanes nearest[rows], nearby[rows], share[rows], owed[rows];
+  __builtin_memcpy(nearest, points.t + offset, sizeof nearest);
+  __builtin_memcpy(nearby, points.nearby + offset, sizeof nearby);
+  __builtin_memcpy(share, points.share + offset, sizeof share);
+  Lanes sums[2][4][rows], q[rows], e[rows];
+#pragma GCC unroll 8
+  for (std::size_t r = 0; r < rows; ++r) {
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c < 4; ++c) sums[0][c][r] = sums[1][c][r] = Lanes{};
+    q[r] = Lanes{} + 0.5;
+    e[r] = owed[r] = Lanes{};
+  }
+  const double *weight = weights, *e_weight = recurrence.e_weight, *q_weight = recurrence.q_weight;
+  for (std::size_t first = 0; first < recurrence.count; first += recurrence.stretch) {
+    const double* const end = weight + 4 * std::min(recurrence.stretch, recurrence.count - first);
+    Lanes t[rows];
+#pragma GCC unroll 8
+    for (std::size_t r = 0; r < rows; ++r) {
+      owed[r] += share[r];
+      t[r] = owed[r] >= 0.5 ? nearby[r] : nearest[r];
+      owed[r] -= owed[r] >= 0.5 ? Lanes{} + 1 : Lanes{};
+    }
+    for (; weight != end; weight += 8)
+#pragma GCC unroll 2
+      for (std::size_t parity = 0; parity < 2; ++parity) {
+#pragma GCC unroll 4
+        for (std::size_t c = 0; c < 4; ++c) {
+          const double w = weight[4 * parity + c];
+#pragma GCC unroll 8
+          for (std::size_t r = 0; r < rows; ++r) sums[parity][c][r] += w * q[r];
+        }
+        if (form == Form::pairs && parity == 0) continue;
+        const double to_e = *e_weight++, to_q = *q_weight++;
+#pragma GCC unroll 8
+        for (std::size_t r = 0; r < rows; ++r) {
+          e[r] += (to_e * t[r]) * q[r];
+          q[r] += to_q * e[r];
+        }
+      }
+  }
+#pragma GCC unroll 2
+  for (std::size_t parity = 0; parity < 2; ++parity)
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c < 4; ++c)
+      __builtin_memcpy(
+          points.sums + (4 * parity + c) * all + offset, sums[parity][c], sizeof sums[parity][c]);
 }
 
 #undef SCATTER_KERNEL
