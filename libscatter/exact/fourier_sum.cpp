@@ -364,9 +364,9 @@ cheapest_split(std::size_t count, std::size_t steps, const std::function<double(
   return best;
 }
 
-std::vector<FourierSums> fourier_sums(
+void fourier_sums(
     std::span<const PartialWaves> sets, const FourierSplit& split, std::size_t first, std::size_t last,
-    std::span<const double> typical, int threads) {
+    std::span<const FourierSums> results, int threads) {
   const std::size_t orders = sets[0].count() + 1, steps = split.steps, angles = last - first + 1;
   const std::size_t low = std::min(split.low_orders, orders);
   const auto circle = circle_of(steps);
@@ -434,9 +434,8 @@ std::vector<FourierSums> fourier_sums(
   const double rounds = static_cast<double>(high) / static_cast<double>(steps);
   const double walk = (4 + std::log2(static_cast<double>(steps))) * epsilon,
                own = (4 + std::sqrt(rounds)) * epsilon, leak = 0.5 * epsilon;
-  std::vector<FourierSums> results(sets.size());
   for (std::size_t set = 0; set < sets.size(); ++set) {
-    FourierSums& result = results[set];
+    const FourierSums& result = results[set];
     const auto& parts = sums[set];
     /// The larger of S1 and S2, each from the squares of its parts.
     const auto larger = [&](const auto& square) {
@@ -450,15 +449,11 @@ std::vector<FourierSums> fourier_sums(
           walk * larger([k](const RealSums& part) { return part.high[k].difference_square; }) +
           leak * larger([k](const RealSums& part) { return part.high[k].peak * part.high[k].peak; }));
     const double neglected = 2 * larger([](const RealSums& part) { return part.neglected * part.neglected; });
-    result.S1.resize(angles);
-    result.S2.resize(angles);
-    result.rounding.resize(angles);
-    result.largest_partial.resize(angles);
     const double* values[series_count];
     for (std::size_t c = 0; c < series_count; ++c) values[c] = parts[c].value.data();
     join(
-        values, inverse_sine, 2 * low_rounding, 2 * typical[set], angles, result.S1.data(), result.S2.data(),
-        result.rounding.data(), result.largest_partial.data());
+        values, inverse_sine, 2 * low_rounding, 2 * result.typical, angles, result.S1.data(),
+        result.S2.data(), result.rounding.data(), result.largest_partial.data());
     if (high == 0) continue;
     for (std::size_t j = 0; j < angles; ++j) {
       const double turn = inverse_sine[j];
@@ -470,7 +465,6 @@ std::vector<FourierSums> fourier_sums(
       result.rounding[j] += rounding * inverse_half[j] + neglected * power;
     }
   }
-  return results;
 }
 
 } // namespace scatter::exact

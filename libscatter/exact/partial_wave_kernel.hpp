@@ -240,9 +240,19 @@ SCATTER_KERNEL void sum_one_set(
       t[r] = owed[r] >= 0.5 ? nearby[r] : nearest[r];
       owed[r] -= owed[r] >= 0.5 ? Lanes{} + 1 : Lanes{};
     }
-    for (; weight != end; weight += 8)
+    // The recurrence goes first: the next step waits for it, but not for the sums.
+    for (; weight != end; weight += 8) {
+      Lanes next[rows];
 #pragma GCC unroll 2
       for (std::size_t parity = 0; parity < 2; ++parity) {
+        if (form != Form::pairs || parity == 0) {
+          const double to_e = *e_weight++, to_q = *q_weight++;
+#pragma GCC unroll 8
+          for (std::size_t r = 0; r < rows; ++r) {
+            e[r] += (to_e * t[r]) * q[r];
+            next[r] = q[r] + to_q * e[r];
+          }
+        }
 #pragma GCC unroll 4
         for (std::size_t c = 0; c < 4; ++c) {
           const double w = weight[4 * parity + c];
@@ -250,13 +260,10 @@ SCATTER_KERNEL void sum_one_set(
           for (std::size_t r = 0; r < rows; ++r) sums[parity][c][r] += w * q[r];
         }
         if (form == Form::pairs && parity == 0) continue;
-        const double to_e = *e_weight++, to_q = *q_weight++;
 #pragma GCC unroll 8
-        for (std::size_t r = 0; r < rows; ++r) {
-          e[r] += (to_e * t[r]) * q[r];
-          q[r] += to_q * e[r];
-        }
+        for (std::size_t r = 0; r < rows; ++r) q[r] = next[r];
       }
+    }
   }
 #pragma GCC unroll 2
   for (std::size_t parity = 0; parity < 2; ++parity)

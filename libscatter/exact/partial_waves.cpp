@@ -87,6 +87,17 @@ bool decimal_places(const double* degrees, std::size_t count, std::int32_t* plac
   return others == 0;
 }
 
+/// Least and largest.
+SCATTER_VECTOR_CLONES
+std::pair<std::int32_t, std::int32_t> range_of(const std::int32_t* numbers, std::size_t count) {
+  std::int32_t least = numbers[0], most = numbers[0];
+  for (std::size_t i = 1; i < count; ++i) {
+    least = std::min(least, numbers[i]);
+    most = std::max(most, numbers[i]);
+  }
+  return {least, most};
+}
+
 /// What decimals have on top of the doubles next to them [deg].
 SCATTER_VECTOR_CLONES
 void decimal_rests(const double* degrees, const std::int32_t* places, std::size_t count, double* rests) {
@@ -100,8 +111,8 @@ DecimalGrid decimal_grid(std::span<const double> degrees) {
   if (degrees.size() < 3) return {};
   std::vector<std::int32_t> places(degrees.size());
   if (!decimal_places(degrees.data(), degrees.size(), places.data())) return {};
-  const auto [least, most] = std::minmax_element(places.begin(), places.end());
-  const std::int32_t first = *least, wide = *most - first;
+  const auto [first, most] = range_of(places.data(), places.size());
+  const std::int32_t wide = most - first;
   const auto steps = static_cast<std::int64_t>(degrees.size()) - 1;
   const auto step = static_cast<std::int32_t>(wide / steps);
   if (step == 0 || step * steps != wide) return {};
@@ -148,7 +159,7 @@ std::shared_ptr<const std::vector<FoldedCosine>> folded_cosines(std::int32_t uni
 
 using kernel::Form;
 
-constexpr double pairs_from = 0.0014, steps_from = 0.3; ///< t at 3 deg, at 45.6 deg
+constexpr double pairs_from = 0.0014, steps_from = 0.5; ///< t at 3 deg, at 60 deg
 constexpr std::size_t form_count = 3;
 
 Form form_at(double t) {
@@ -232,9 +243,11 @@ struct Tables {
 
   std::size_t count;
   std::vector<double> e_weight, q_weight, minus_weight, plus_weight;
-  std::vector<double> pairs_e_weight, pairs_q_weight; ///< index k is n = 2k + 1
-  std::vector<double> product;                        ///< n (n+1), by which pi_n = product q_n
-  std::vector<double> below, above;                   ///< n^2 / (2n+1) and (n+1)^2 / (2n+1), from n = 0 on
+  // Index k is n = 2k + 1.
+  std::vector<double> pairs_e_weight, pairs_q_weight;
+  std::vector<double> pairs_below, pairs_above; ///< (n+1) / (2n-1) and n / (2n+3): shares of even n's weights
+  std::vector<double> product;                  ///< n (n+1), by which pi_n = product q_n
+  std::vector<double> below, above;             ///< n^2 / (2n+1) and (n+1)^2 / (2n+1), from n = 0 on
 };
 
 Tables::Tables(std::size_t size) : count(size) {
@@ -244,14 +257,13 @@ Tables::Tables(std::size_t size) : count(size) {
   };
   table(e_weight, count, 1, [](double n) { return (2 * n + 1) * n * (n + 1); });
   table(q_weight, count, 1, [](double n) { return -1 / (n * (n + 1) * (n + 2)); });
-  table(pairs_e_weight, count / 2 + 2, 0.5, [](double half) {
-    const double n = 2 * half;
-    return (2 * n + 1) * n * (n + 1);
-  });
-  table(pairs_q_weight, count / 2 + 2, 0.5, [](double half) {
-    const double n = 2 * half;
-    return -(2 * n + 3) / (n * (n + 1) * (n + 2) * (n + 3));
-  });
+  const auto pairs_table = [&](std::vector<double>& values, auto value) {
+    table(values, count / 2 + 2, 0.5, [&](double half) { return value(2 * half); });
+  };
+  pairs_table(pairs_e_weight, [](double n) { return (2 * n + 1) * n * (n + 1); });
+  pairs_table(pairs_q_weight, [](double n) { return -(2 * n + 3) / (n * (n + 1) * (n + 2) * (n + 3)); });
+  pairs_table(pairs_below, [](double n) { return (n + 1) / (2 * n - 1); });
+  pairs_table(pairs_above, [](double n) { return n / (2 * n + 3); });
   table(minus_weight, count, 1, [](double n) { return n * n * (n + 1); });
   table(plus_weight, count, 1, [](double n) { return 2 * n * (n + 1); });
   table(product, count, 1, [](double n) { return n * (n + 1); });
@@ -311,16 +323,19 @@ std::vector<double> weights_of_q(const PartialWaves& waves, std::size_t count, c
 /// Sums over n of n^3 |w|^2, as each of four weights w has it, n = first + 1 on.
 SCATTER_VECTOR_CLONES
 double cubic_sum(const double* weights, std::size_t count) {
-  using Pair = double __attribute__((vector_size(64))); // two n
-  Pair sum{}, n{1, 1, 1, 1, 2, 2, 2, 2};
+  using Eight = double __attribute__((vector_size(64)));
+  using Places = long __attribute__((vector_size(64)));
+  Eight sum{}, n{1, 2, 3, 4, 5, 6, 7, 8};
   std::size_t k = 0;
-  for (; k + 2 <= count; k += 2) {
-    Pair weight;
-    __builtin_memcpy(&weight, weights + 4 * k, sizeof weight);
-    const Pair factor = n * (n + 1) / (2 * n + 1);
-    weight *= factor;
-    sum += n * weight * weight;
-    n += 2;
+  for (; k + 8 <= count; k += 8) {
+    const Eight factor = n * (n + 1) / (2 * n + 1), cube = n * factor * factor;
+    for (long two = 0; two < 8; two += 2) {
+      Eight weight;
+      __builtin_memcpy(&weight, weights + 4 * (k + static_cast<std::size_t>(two)), sizeof weight);
+      sum += __builtin_shuffle(cube, Places{two, two, two, two, two + 1, two + 1, two + 1, two + 1}) *
+             (weight * weight);
+    }
+    n += 8;
   }
   double total = 0;
   for (std::size_t i = 0; i < 8; ++i) total += sum[i];
@@ -336,18 +351,27 @@ double cubic_sum(const double* weights, std::size_t count) {
 
 /// Weights of odd n for Form::pairs, from those of all n, `count` of them: at odd n as they are, at n + 1
 /// those that make cos(theta) times the sum over even n.
-std::vector<double> weights_of_pairs(const std::vector<double>& all, std::size_t count) {
-  std::vector<double> weights(4 * (count + 2));
+SCATTER_VECTOR_CLONES
+void pairs_from_all(const double* all, std::size_t count, const Tables& tables, double* weights) {
+  using Four = double __attribute__((vector_size(32)));
+  Four below{}, own{}, above{};
   for (std::size_t k = 0; k < count + 2; k += 2) {
-    const double n = static_cast<double>(k + 1), from_below = (n + 1) / (2 * n - 1),
-                 from_above = n / (2 * n + 3);
-    for (std::size_t part = 0; part < 4; ++part) {
-      const double below = k > 0 ? all[4 * (k - 1) + part] : 0,
-                   above = k < count ? all[4 * (k + 1) + part] : 0;
-      weights[4 * k + part] = k < count ? all[4 * k + part] : 0;
-      weights[4 * (k + 1) + part] = from_below * below + from_above * above;
+    own = above = Four{};
+    if (k < count) {
+      __builtin_memcpy(&own, all + 4 * k, sizeof own);
+      __builtin_memcpy(&above, all + 4 * (k + 1), sizeof above);
     }
+    const Four even = tables.pairs_below[k / 2] * below + tables.pairs_above[k / 2] * above;
+    __builtin_memcpy(weights + 4 * k, &own, sizeof own);
+    __builtin_memcpy(weights + 4 * (k + 1), &even, sizeof even);
+    below = above;
   }
+}
+
+std::vector<double>
+weights_of_pairs(const std::vector<double>& all, std::size_t count, const Tables& tables) {
+  std::vector<double> weights(4 * (count + 2));
+  pairs_from_all(all.data(), count, tables, weights.data());
   return weights;
 }
 
@@ -362,22 +386,42 @@ struct Point {
   std::size_t first, last; ///< of the sorted list
 };
 
-/// Indices of the angles, sorted by t.
-std::vector<std::size_t> sorted_by_t(std::span<const Angle> angles) {
-  const auto less = [&](std::size_t i, std::size_t j) {
-    return angles[i].t != angles[j].t ? angles[i].t < angles[j].t : angles[i].t_rest < angles[j].t_rest;
-  };
-  std::vector<std::size_t> halves[2];
-  for (std::size_t i = 0; i < angles.size(); ++i) halves[angles[i].backward].push_back(i);
-  // Most lists ascend or descend: then this takes no sorting.
-  for (auto& half : halves) {
-    if (std::is_sorted(half.begin(), half.end(), less)) continue;
-    std::reverse(half.begin(), half.end());
-    if (!std::is_sorted(half.begin(), half.end(), less)) std::sort(half.begin(), half.end(), less);
+/// A list of angles, sorted by t.
+struct SortedAngles {
+  std::vector<std::size_t> order; ///< indices of the angles
+  std::vector<Point> points;      ///< without repetition
+};
+
+SortedAngles sorted_by_t(std::span<const Angle> angles) {
+  // In the order of theta, which most lists have; so t ascends from the beginning and from the end.
+  std::vector<std::size_t> by_theta;
+  const auto less = [](const Angle& a, const Angle& b) { return a.theta < b.theta; };
+  const bool ascends = std::is_sorted(angles.begin(), angles.end(), less);
+  if (!ascends) {
+    by_theta.resize(angles.size());
+    std::iota(by_theta.begin(), by_theta.end(), std::size_t{0});
+    std::sort(by_theta.begin(), by_theta.end(), [&](std::size_t i, std::size_t j) {
+      return angles[i].theta != angles[j].theta ? angles[i].theta < angles[j].theta : i < j;
+    });
   }
-  std::vector<std::size_t> all(angles.size());
-  std::merge(halves[0].begin(), halves[0].end(), halves[1].begin(), halves[1].end(), all.begin(), less);
-  return all;
+  const auto index = [&](std::size_t rank) { return ascends ? rank : by_theta[rank]; };
+  SortedAngles sorted;
+  sorted.order.resize(angles.size());
+  sorted.points.resize(angles.size());
+  std::size_t points = 0, first = 0, last = angles.size();
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    const Angle &front = angles[index(first)], &back = angles[index(last - 1)];
+    const bool take_front = !front.backward && (!back.backward || front.t < back.t ||
+                                                (front.t == back.t && front.t_rest <= back.t_rest));
+    const Angle& angle = take_front ? front : back;
+    sorted.order[i] = take_front ? index(first++) : index(--last);
+    if (points == 0 || sorted.points[points - 1].t != angle.t ||
+        sorted.points[points - 1].t_rest != angle.t_rest)
+      sorted.points[points++] = {angle.t, angle.t_rest, i, i};
+    sorted.points[points - 1].last = i + 1;
+  }
+  sorted.points.resize(points);
+  return sorted;
 }
 
 /// Points of one form that are summed together.
@@ -414,7 +458,6 @@ std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
       throw InputError(message.str());
     }
   std::vector<Angle> folded;
-  folded.reserve(angles.size());
   if (const DecimalGrid grid = degrees ? decimal_grid(angles) : DecimalGrid{}; !grid.places.empty()) {
     // Exactly: each 1e-18 deg turns a partial wave of n = 5e4 by 1e-15.
     std::vector<double> rests(angles.size());
@@ -427,19 +470,25 @@ std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
     const long double radians = pi / (2 * static_cast<long double>(right_angle));
     const HalfSines half_sine(static_cast<long double>(grid.unit) * radians, tables && !all ? units + 1 : 1);
     const double per_unit = 1 / static_cast<double>(grid.unit);
+    const FoldedCosine* const table = all ? cosines->data() : nullptr;
+    folded.resize(angles.size());
+    Angle* const to = folded.data();
+    const std::int32_t* const places = grid.places.data();
     for (std::size_t i = 0; i < angles.size(); ++i) {
-      const std::int32_t place = grid.places[i];
+      const std::int32_t place = places[i];
       const bool backward = place > right_angle;
       const std::int32_t forward = backward ? 2 * right_angle - place : place;
       const auto multiple = static_cast<std::size_t>(static_cast<std::int32_t>(forward * per_unit + 0.5));
       const FoldedCosine cosine =
-          all ? (*cosines)[multiple]
+          table
+              ? table[multiple]
               : from_half_sine(
                     tables ? half_sine(multiple) : std::sin(static_cast<long double>(forward) * radians / 2));
-      folded.push_back({cosine.t, cosine.t_rest, angles[i], rests[i], place, unit, backward});
+      to[i] = {cosine.t, cosine.t_rest, angles[i], rests[i], place, unit, backward};
     }
     return folded;
   }
+  folded.reserve(angles.size());
   for (std::size_t i = 0; i < angles.size(); ++i) {
     const auto given = static_cast<long double>(angles[i]);
     const bool backward = angles[i] > half_turn / 2;
@@ -482,6 +531,24 @@ std::vector<AngleSums> empty_sums(std::size_t sets, std::size_t angles) {
 /// sin(theta)) on average, and partial sums come to about half the root of the sum of all squares.
 double typical_partial(double size, double sine) {
   return size * 0.5 / (sine * std::numbers::pi);
+}
+
+/// What kernel::Points takes of t, or of y = t (2 - t).
+SCATTER_VECTOR_CLONES
+void prepare(
+    Form form, std::size_t count, const double* t, const double* t_rest, double* variable, double* nearby,
+    double* share) {
+  const double one = form == Form::pairs ? 1 : 0;
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < count; ++i) {
+    // Exactly: y is between 3/2 t and 2t.
+    const double twice = (1 + one) * t[i], factor = -one * t[i];
+    variable[i] = std::fma(factor, t[i], twice);
+    const double rest = std::fma(factor, t[i], twice - variable[i]) + (1 + one) * (1 + factor) * t_rest[i];
+    nearby[i] = variable[i] * (1 + std::copysign(2 * epsilon, rest)); // one place away or two
+    const double gap = nearby[i] - variable[i];
+    share[i] = gap == 0 ? 0 : rest / gap;
+  }
 }
 
 /// What becomes of a batch's sums, per point: real and imaginary parts of S1 and S2, largest_partial and
@@ -551,22 +618,17 @@ std::vector<AngleSums> sum_directly(
   auto sums = empty_sums(sets.size(), angles.size());
   if (sets.empty() || angles.empty()) return sums;
 
-  const auto order = sorted_by_t(angles);
-  std::vector<Point> points;
+  const auto [order, points] = sorted_by_t(angles);
   std::vector<Batch> batches;
   bool used[form_count] = {};
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    const Angle& angle = angles[order[i]];
-    if (i > 0 && angle.t == points.back().t && angle.t_rest == points.back().t_rest) {
-      ++points.back().last;
-      continue;
-    }
-    const Form form = form_at(angle.t);
-    used[static_cast<int>(form)] = true;
-    if (batches.empty() || batches.back().form != form || batches.back().count == most_rows * unit.width)
-      batches.push_back({form, points.size(), 0, most_rows});
-    points.push_back({angle.t, angle.t_rest, i, i + 1});
-    ++batches.back().count;
+  for (std::size_t first = 0; first < points.size();) {
+    const Form form = form_at(points[first].t);
+    std::size_t last = first + 1;
+    while (last < points.size() && last < first + most_rows * unit.width && form_at(points[last].t) == form)
+      ++last;
+    used[static_cast<std::size_t>(form)] = true;
+    batches.push_back({form, first, last - first, most_rows});
+    first = last;
   }
   // Those that are not full take no more rows than they need.
   double cost = 0;
@@ -609,7 +671,7 @@ std::vector<AngleSums> sum_directly(
     }
     if (!is_used(Form::pairs) && !is_used(Form::steps)) continue;
     auto of_q = weights_of_q(set, count, *tables);
-    if (is_used(Form::pairs)) weights_for(Form::pairs).push_back(weights_of_pairs(of_q, count));
+    if (is_used(Form::pairs)) weights_for(Form::pairs).push_back(weights_of_pairs(of_q, count, *tables));
     if (is_used(Form::steps)) weights_for(Form::steps).push_back(std::move(of_q));
   }
   std::vector<Judgement> judgements;
@@ -621,9 +683,10 @@ std::vector<AngleSums> sum_directly(
   const auto work = [&](std::size_t item) {
     const Batch& batch = batches[item];
     const std::size_t lanes = batch.rows * unit.width;
-    std::vector<double> memory((4 + 10 * sets.size() + 2 * finished_size) * lanes);
+    std::vector<double> memory((5 + 10 * sets.size() + 2 * finished_size) * lanes);
     double* const t = memory.data();
-    double* const variable = t + lanes;
+    double* const t_rest = t + lanes;
+    double* const variable = t_rest + lanes;
     double* const nearby = variable + lanes;
     double* const share = nearby + lanes;
     double* const sum = share + lanes;
@@ -632,18 +695,9 @@ std::vector<AngleSums> sum_directly(
       // A batch that is not full repeats a point.
       const Point& point = points[batch.first + std::min(lane, batch.count - 1)];
       t[lane] = point.t;
-      double rest = point.t_rest;
-      variable[lane] = point.t;
-      if (batch.form == Form::pairs) {
-        const long double value = static_cast<long double>(point.t) + static_cast<long double>(point.t_rest);
-        const long double y = value * (2 - value);
-        variable[lane] = static_cast<double>(y);
-        rest = static_cast<double>(y - static_cast<long double>(variable[lane]));
-      }
-      nearby[lane] = variable[lane] * (1 + std::copysign(2 * epsilon, rest)); // one place away or two
-      const double gap = nearby[lane] - variable[lane];
-      share[lane] = gap == 0 ? 0 : rest / gap;
+      t_rest[lane] = point.t_rest;
     }
+    prepare(batch.form, lanes, t, t_rest, variable, nearby, share);
     const auto form = static_cast<std::size_t>(batch.form);
     sum_batch(
         batch.form, batch.rows, batch.form == Form::pairs ? pairs : steps, weights_of[form],
@@ -739,6 +793,14 @@ private:
   std::vector<std::int32_t> before_; ///< points at smaller places of the first quadrant
 };
 
+/// Marks places where sums by FFT have more rounding than the direct sum's.
+SCATTER_VECTOR_CLONES
+void mark_worse(
+    const double* rounding, const double* partial, double direct_rounding, std::size_t count, char* worse) {
+  for (std::size_t i = 0; i < count; ++i)
+    worse[i] = !(rounding[i] * rounding[i] <= direct_rounding * direct_rounding * partial[i]);
+}
+
 /// A handful of angles out of so fine a grid that a look at the whole circle costs more than their sum.
 bool hopeless(const CircleGrid& grid, std::size_t count) {
   return grid.steps > grid.places.size() * (count / 50 + 1);
@@ -748,40 +810,52 @@ std::vector<AngleSums> sum_by_fourier(
     std::span<const PartialWaves> sets, std::span<const Angle> angles, const CircleGrid& grid,
     const FourierSplit& split, int threads, const VectorUnit& unit) {
   auto sums = empty_sums(sets.size(), angles.size());
-  const auto [least, most] = std::minmax_element(grid.places.begin(), grid.places.end());
+  const auto [least, most] = range_of(grid.places.data(), grid.places.size());
+  bool consecutive = true;
+  for (std::size_t i = 0; i < grid.places.size(); ++i)
+    consecutive &= grid.places[i] == grid.places[0] + static_cast<std::int32_t>(i);
   const auto nearest = static_cast<std::int32_t>(std::ceil(
       std::asin(std::min(1.0, split.smallest_sine)) * static_cast<double>(grid.steps) /
       (2 * std::numbers::pi)));
-  const std::int32_t first = std::max({*least, nearest, 1}),
-                     last =
-                         split.smallest_sine > 1
-                             ? 0
-                             : std::min(
-                                   *most, static_cast<std::int32_t>(grid.steps / 2) - std::max(nearest, 1));
+  const std::int32_t first = std::max({least, nearest, 1}),
+                     last = split.smallest_sine > 1
+                                ? 0
+                                : std::min(
+                                      most, static_cast<std::int32_t>(grid.steps / 2) - std::max(nearest, 1));
+  const std::size_t places = first <= last ? last - first + 1 : 0;
+  // Lists that follow the places take what is found there as it is.
+  std::vector<AngleSums> by_place;
+  if (!consecutive) by_place = empty_sums(sets.size(), places);
+  const std::size_t start = consecutive && places > 0 ? first - least : 0;
+  std::vector<FourierSums> found;
+  for (std::size_t set = 0; set < sets.size(); ++set) {
+    AngleSums& to = consecutive ? sums[set] : by_place[set];
+    found.push_back(
+        {std::span(to.S1).subspan(start, places), std::span(to.S2).subspan(start, places),
+         std::span(to.rounding).subspan(start, places), std::span(to.largest_partial).subspan(start, places),
+         typical_partial(size_of_coefficients(sets[set]), 1)});
+  }
+  if (places > 0) fourier_sums(sets, split, first, last, found, threads);
   // Sets do not disturb each other: one that is better off directly at an angle leaves the others as they
   // are.
   std::vector<char> directly(angles.size());
   std::vector<std::vector<char>> directly_of(sets.size(), directly);
-  std::vector<double> typical;
-  for (const auto& set : sets) typical.push_back(typical_partial(size_of_coefficients(set), 1));
-  std::vector<FourierSums> found(sets.size());
-  if (first <= last) found = fourier_sums(sets, split, first, last, typical, threads);
-  const double rounding = sum_rounding(sets[0].count()), rounding_square = rounding * rounding;
+  const double rounding = sum_rounding(sets[0].count());
   for (std::size_t set = 0; set < sets.size(); ++set) {
-    AngleSums& sum = sums[set];
     const FourierSums& from = found[set];
+    std::vector<char> worse(places);
+    mark_worse(from.rounding.data(), from.largest_partial.data(), rounding, places, worse.data());
     for (std::size_t i = 0; i < angles.size(); ++i) {
       const std::int32_t place = grid.places[i];
       const std::size_t j = place - first;
-      if (place < first || place > last ||
-          !(from.rounding[j] * from.rounding[j] <= rounding_square * from.largest_partial[j])) {
+      if (place < first || place > last || worse[j]) {
         directly[i] = directly_of[set][i] = true;
-        continue;
+      } else if (!consecutive) {
+        sums[set].S1[i] = from.S1[j];
+        sums[set].S2[i] = from.S2[j];
+        sums[set].rounding[i] = from.rounding[j];
+        sums[set].largest_partial[i] = from.largest_partial[j];
       }
-      sum.S1[i] = from.S1[j];
-      sum.S2[i] = from.S2[j];
-      sum.rounding[i] = from.rounding[j];
-      sum.largest_partial[i] = from.largest_partial[j];
     }
   }
   std::vector<Angle> rest;

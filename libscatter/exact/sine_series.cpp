@@ -28,18 +28,18 @@ constexpr std::size_t most_rows = 3;
 /// Numbers, zeros or not, that loops may read beyond the last one.
 constexpr std::size_t spare = lanes * (most_rows + 3);
 
-/// Doubles from the beginning of a line of the cache on; zeros at first.
+/// Doubles from the beginning of a line of the cache on, of any value at first.
 class Lines {
 public:
-  explicit Lines(std::size_t size) : lines_(size / lanes + 1) {}
+  explicit Lines(std::size_t size) : lines_(std::make_unique_for_overwrite<Line[]>(size / lanes + 1)) {}
   [[nodiscard]] double* data() { return lines_[0].values; }
   [[nodiscard]] const double* data() const { return lines_[0].values; }
 
 private:
   struct alignas(64) Line {
-    double values[lanes] = {};
+    double values[lanes];
   };
-  std::vector<Line> lines_;
+  std::unique_ptr<Line[]> lines_;
 };
 
 /// u_p and v_q; v split by the parity of q. first[n] = (n + 1) v_{n+1} is what p = 0 comes to.
@@ -154,20 +154,20 @@ struct Half {
 };
 
 /// The sums over p for one parity of l, in as many parts as threads may share: part number j takes every
-/// fourth shift.
-constexpr std::size_t parts = 4;
+/// second shift.
+constexpr std::size_t parts = 2;
 struct Part {
-  explicit Part(std::size_t count) : stride((count + spare) / lanes * lanes), sums(series_count * stride) {}
   std::size_t stride;
   Lines sums; ///< [series][i], series `stride` apart
 };
 
 Part add_part(const Half& half, std::size_t parity, std::size_t part, const Tables& tables) {
   const AddShifted add = add_shifted_here();
-  Part result(half.count);
-  double* out[series_count];
-  for (std::size_t c = 0; c < series_count; ++c) out[c] = result.sums.data() + c * result.stride;
   const std::size_t stride = (half.count + spare) / lanes * lanes;
+  Part result{stride, Lines(series_count * stride)};
+  std::fill_n(result.sums.data(), series_count * stride, 0.0);
+  double* out[series_count];
+  for (std::size_t c = 0; c < series_count; ++c) out[c] = result.sums.data() + c * stride;
   Lines s(series_count * stride), v(2 * stride);
   for (std::size_t shift = part; shift < std::min(lanes, half.count); shift += parts) {
     Shifted in;
@@ -195,18 +195,17 @@ Part add_part(const Half& half, std::size_t parity, std::size_t part, const Tabl
 /// b_l for l = 1 + 2i and, if l <= orders, 2 + 2i, from the parts' sums over p for either.
 SCATTER_VECTOR_CLONES
 void add_up(const double* const* odd, const double* const* even, std::size_t orders, double* b) {
-  static_assert(parts == 4);
-  const double *const o0 = odd[0], *const o1 = odd[1], *const o2 = odd[2], *const o3 = odd[3];
-  const double *const e0 = even[0], *const e1 = even[1], *const e2 = even[2], *const e3 = even[3];
+  static_assert(parts == 2);
+  const double *const odd_first = odd[0], *const odd_second = odd[1];
+  const double *const even_first = even[0], *const even_second = even[1];
   const std::size_t pairs = orders / 2;
 #pragma GCC ivdep
   for (std::size_t i = 0; i < pairs; ++i) {
     const auto l = static_cast<double>(static_cast<long>(2 * i + 1));
-    b[2 * i + 1] = l * ((o0[i] + o1[i]) + (o2[i] + o3[i]));
-    b[2 * i + 2] = (l + 1) * ((e0[i] + e1[i]) + (e2[i] + e3[i]));
+    b[2 * i + 1] = l * (odd_first[i] + odd_second[i]);
+    b[2 * i + 2] = (l + 1) * (even_first[i] + even_second[i]);
   }
-  if (orders % 2)
-    b[orders] = static_cast<double>(orders) * ((o0[pairs] + o1[pairs]) + (o2[pairs] + o3[pairs]));
+  if (orders % 2) b[orders] = static_cast<double>(orders) * (odd_first[pairs] + odd_second[pairs]);
 }
 
 SCATTER_VECTOR_CLONES
@@ -237,7 +236,7 @@ sine_series(std::span<const LegendreSeries> sets, std::size_t orders, double cos
         half.s[c].resize(half.count);
         for (std::size_t i = 0; i < half.count; ++i) half.s[c][i] = sets[set].s[c][2 * i + parity];
       }
-      for (std::size_t part = 0; part < parts; ++part) sums[set].emplace_back(0);
+      for (std::size_t part = 0; part < parts; ++part) sums[set].push_back({0, Lines(0)});
     }
   in_parallel(2 * parts * sets.size(), cost, threads, [&](std::size_t item) {
     const std::size_t set = item / (2 * parts), place = item % (2 * parts), parity = place / parts;
