@@ -210,35 +210,35 @@ sum_points(const Recurrence& recurrence, std::span<const double* const> weights,
   }
 }
 
-/// The same for one set, not Form::axis, where registers hold everything: `rows` rows out of `all` / width,
-/// from the point number `offset` on. The same bits.
+/// Some rows on their way through the sum of one set.
+template <std::size_t width, std::size_t rows>
+struct Course {
+  typename VectorOf<width>::type nearest[rows], nearby[rows], share[rows], owed[rows], q[rows], e[rows],
+      sums[2][4][rows];
+};
+
+/// Takes a course from the term number `first` to `last`, not Form::axis, where registers hold all of it.
 template <Form form, std::size_t width, std::size_t rows>
-SCATTER_KERNEL void sum_one_set(
-    const Recurrence& recurrence, const double* weights, const Points& points, std::size_t all,
-    std::size_t offset) {
+SCATTER_KERNEL void advance(
+    Course<width, rows>& course, const Recurrence& recurrence, const double* weights, std::size_t first,
+    std::size_t last) {
   static_assert(form != Form::axis);
   using Lanes = typename VectorOf<width>::type;
-  Lanes nearest[rows], nearby[rows], share[rows], owed[rows];
-  __builtin_memcpy(nearest, points.t + offset, sizeof nearest);
-  __builtin_memcpy(nearby, points.nearby + offset, sizeof nearby);
-  __builtin_memcpy(share, points.share + offset, sizeof share);
   Lanes sums[2][4][rows], q[rows], e[rows];
-#pragma GCC unroll 8
-  for (std::size_t r = 0; r < rows; ++r) {
-#pragma GCC unroll 4
-    for (std::size_t c = 0; c < 4; ++c) sums[0][c][r] = sums[1][c][r] = Lanes{};
-    q[r] = Lanes{} + 0.5;
-    e[r] = owed[r] = Lanes{};
-  }
-  const double *weight = weights, *e_weight = recurrence.e_weight, *q_weight = recurrence.q_weight;
-  for (std::size_t first = 0; first < recurrence.count; first += recurrence.stretch) {
-    const double* const end = weight + 4 * std::min(recurrence.stretch, recurrence.count - first);
+  __builtin_memcpy(sums, course.sums, sizeof sums);
+  __builtin_memcpy(q, course.q, sizeof q);
+  __builtin_memcpy(e, course.e, sizeof e);
+  constexpr std::size_t together = form == Form::pairs ? 2 : 1; // n per step
+  const double *weight = weights + 4 * first, *e_weight = recurrence.e_weight + first / together,
+               *q_weight = recurrence.q_weight + first / together;
+  for (; first < last; first += recurrence.stretch) {
+    const double* const end = weight + 4 * std::min(recurrence.stretch, last - first);
     Lanes t[rows];
 #pragma GCC unroll 8
     for (std::size_t r = 0; r < rows; ++r) {
-      owed[r] += share[r];
-      t[r] = owed[r] >= 0.5 ? nearby[r] : nearest[r];
-      owed[r] -= owed[r] >= 0.5 ? Lanes{} + 1 : Lanes{};
+      course.owed[r] += course.share[r];
+      t[r] = course.owed[r] >= 0.5 ? course.nearby[r] : course.nearest[r];
+      course.owed[r] -= course.owed[r] >= 0.5 ? Lanes{} + 1 : Lanes{};
     }
     // The recurrence goes first: the next step waits for it, but not for the sums.
     for (; weight != end; weight += 8) {
@@ -265,12 +265,38 @@ SCATTER_KERNEL void sum_one_set(
       }
     }
   }
-#pragma GCC unroll 2
-  for (std::size_t parity = 0; parity < 2; ++parity)
-#pragma GCC unroll 4
-    for (std::size_t c = 0; c < 4; ++c)
+  __builtin_memcpy(course.sums, sums, sizeof sums);
+  __builtin_memcpy(course.q, q, sizeof q);
+  __builtin_memcpy(course.e, e, sizeof e);
+}
+
+/// As sum_points, the same bits, for one set and not Form::axis: `group` rows at a time, which take turns
+/// after some hundred terms, so that weights come from the nearest caches for all but the first.
+template <Form form, std::size_t width, std::size_t rows, std::size_t group>
+SCATTER_KERNEL void sum_one_set(const Recurrence& recurrence, const double* weights, const Points& points) {
+  using Lanes = typename VectorOf<width>::type;
+  constexpr std::size_t groups = rows / group, all = width * rows;
+  const std::size_t turn = 16 * recurrence.stretch;
+  Course<width, group> courses[groups];
+  for (std::size_t g = 0; g < groups; ++g) {
+    Course<width, group>& course = courses[g];
+    __builtin_memcpy(course.nearest, points.t + g * group * width, sizeof course.nearest);
+    __builtin_memcpy(course.nearby, points.nearby + g * group * width, sizeof course.nearby);
+    __builtin_memcpy(course.share, points.share + g * group * width, sizeof course.share);
+    for (std::size_t r = 0; r < group; ++r) {
+      for (std::size_t c = 0; c < 4; ++c) course.sums[0][c][r] = course.sums[1][c][r] = Lanes{};
+      course.q[r] = Lanes{} + 0.5;
+      course.e[r] = course.owed[r] = Lanes{};
+    }
+  }
+  for (std::size_t first = 0; first < recurrence.count; first += turn)
+    for (auto& course : courses)
+      advance<form>(course, recurrence, weights, first, std::min(first + turn, recurrence.count));
+  for (std::size_t g = 0; g < groups; ++g)
+    for (std::size_t c = 0; c < 8; ++c)
       __builtin_memcpy(
-          points.sums + (4 * parity + c) * all + offset, sums[parity][c], sizeof sums[parity][c]);
+          points.sums + c * all + g * group * width, courses[g].sums[c / 4][c % 4],
+          sizeof courses[g].sums[c / 4][c % 4]);
 }
 
 #undef SCATTER_KERNEL

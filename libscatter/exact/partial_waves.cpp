@@ -179,8 +179,7 @@ template <Form form, std::size_t width, std::size_t rows, std::size_t parts>
   // 32 registers.
   if constexpr (form != Form::axis && parts == 4 && rows > 1)
     if (weights.size() == 1) {
-      for (std::size_t row = 0; row < rows; row += 3)
-        kernel::sum_one_set<form, width, 3>(recurrence, weights[0], points, rows * width, row * width);
+      kernel::sum_one_set<form, width, rows, 3>(recurrence, weights[0], points);
       return;
     }
   kernel::sum_points<form, width, rows, group, parts>(recurrence, weights, points);
@@ -274,7 +273,7 @@ Tables::Tables(std::size_t size) : count(size) {
 /// Tables for `count` terms or more. Kept for the next call while they are small: averages ask for thousands
 /// of spheres.
 std::shared_ptr<const Tables> tables_for(std::size_t count) {
-  constexpr std::size_t most_kept = 20000;
+  constexpr std::size_t most_kept = 60000;
   if (count > most_kept) return std::make_shared<const Tables>(count);
   static std::mutex mutex;
   static std::shared_ptr<const Tables> kept;
@@ -775,21 +774,24 @@ public:
     std::vector<char> taken(grid.steps / 4 + 1);
     for (const std::int32_t place : grid.places) taken[std::min(place, half - place)] = 1;
     for (std::size_t i = 0; i < taken.size(); ++i) before_[i + 1] = before_[i] + taken[i];
+    axis_ = points_below(std::sqrt(pairs_from * (2 - pairs_from)));
   }
-  [[nodiscard]] double below(double sine) const {
-    if (sine >= 1) return all();
-    const auto place = static_cast<std::size_t>(std::ceil(std::asin(sine) * steps_ / (2 * std::numbers::pi)));
-    return of(before_[std::min(place, before_.size() - 1)]);
-  }
+  [[nodiscard]] double below(double sine) const { return of(points_below(sine)); }
   [[nodiscard]] double all() const { return of(before_.back()); }
 
 private:
-  [[nodiscard]] double of(std::int32_t points) const {
-    constexpr double term_cost = 0.33; // of an angle with its mirror image, if it has one
-    constexpr std::int32_t batch = 48;
-    return term_cost * terms_ * static_cast<double>((points + batch - 1) / batch * batch);
+  [[nodiscard]] double points_below(double sine) const {
+    if (sine >= 1) return before_.back();
+    const auto place = static_cast<std::size_t>(std::ceil(std::asin(sine) * steps_ / (2 * std::numbers::pi)));
+    return before_[std::min(place, before_.size() - 1)];
   }
-  double terms_, steps_;
+  [[nodiscard]] double of(double points) const {
+    // Of an angle with its mirror image, if it has one.
+    constexpr double term = 0.2, axis_term = 0.6, point = 35;
+    const double axis = std::min(points, axis_);
+    return (axis_term * axis + term * (points - axis)) * terms_ + point * points;
+  }
+  double terms_, steps_, axis_ = 0;
   std::vector<std::int32_t> before_; ///< points at smaller places of the first quadrant
 };
 
@@ -894,7 +896,7 @@ std::vector<AngleSums> sum_partial_waves(
       const DirectCost direct(*grid, static_cast<double>(count));
       const FourierSplit split =
           cheapest_split(count, grid->steps, [&](double sine) { return direct.below(sine); });
-      if (asked || split.cost < 0.67 * direct.all())
+      if (asked || split.cost < 0.8 * direct.all())
         return sum_by_fourier(sets, angles, *grid, split, threads, unit);
     } else if (asked) {
       throw InputError("the angles are no even grid of decimals with at most 4e6 steps of the circle");

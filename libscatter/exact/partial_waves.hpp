@@ -65,7 +65,7 @@ struct AngleSums {
 /// How sums over partial waves are made: one by one, or for the whole circle by FFT (fourier_sum.hpp) where
 /// the angles are an even grid of decimals.
 enum class SumMethod {
-  cheapest, ///< by FFT where a model of the costs, which knows numbers alone, says that it saves a third
+  cheapest, ///< by FFT where a model of the costs, which knows numbers alone, says that it saves a fifth
   direct,
   fourier ///< by FFT wherever possible: InputError if the angles are no grid of at most 4e6 steps
 };
