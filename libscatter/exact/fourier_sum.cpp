@@ -66,15 +66,101 @@ constexpr double cost_of_order = 15;       ///< Legendre series and memory, four
 constexpr double cost_of_angle = 10;       ///< estimates
 constexpr double cost_of_start = 1e4;      ///< with plans and tables at hand
 
-/// Real transforms of one length.
+/// 2 pi j / steps, 0 <= j <= steps / 2.
+struct Turns {
+  explicit Turns(std::size_t steps);
+  std::vector<double> sine; ///< up to j = steps / 4
+  std::vector<double> inverse,
+      inverse_half; ///< 1 / (2 sin theta) and 1 / (2 sin(theta / 2)) for 0 < j < steps / 2
+};
+
+Turns::Turns(std::size_t steps) : sine(steps / 4 + 1), inverse(steps / 2), inverse_half(steps / 2) {
+  // Half angles up to 45 deg by the addition theorem from two short tables, the others by symmetry.
+  struct Pair {
+    double sine, cosine;
+  };
+  const std::size_t quarter = steps / 4;
+  std::size_t fine = 1;
+  while (fine * fine < quarter) fine *= 2;
+  const auto at = [&](std::size_t j) {
+    const long double angle =
+        std::numbers::pi_v<long double> * static_cast<long double>(j) / static_cast<long double>(steps);
+    return Pair{static_cast<double>(std::sin(angle)), static_cast<double>(std::cos(angle))};
+  };
+  std::vector<Pair> fine_table, coarse_table;
+  for (std::size_t j = 0; j < fine; ++j) fine_table.push_back(at(j));
+  for (std::size_t j = 0; j <= quarter; j += fine) coarse_table.push_back(at(j));
+  for (std::size_t j = 1; j <= quarter; ++j) {
+    const Pair &a = coarse_table[j / fine], &b = fine_table[j % fine];
+    const Pair half{a.sine * b.cosine + a.cosine * b.sine, a.cosine * b.cosine - a.sine * b.sine};
+    const std::size_t mirrored = steps / 2 - j;
+    sine[j] = 2 * half.sine * half.cosine;
+    inverse[j] = inverse[mirrored] = 1 / (4 * half.sine * half.cosine);
+    inverse_half[mirrored] = 1 / (2 * half.cosine);
+    inverse_half[j] = 1 / (2 * half.sine);
+  }
+}
+
+/// Real and imaginary parts of two numbers, of four.
+using Quad = double __attribute__((vector_size(32)));
+using Octet = double __attribute__((vector_size(64)));
+
+/// The transform of `size` real numbers from the complex one of size / 2 pairs of them, in place; size / 2 +
+/// 1 numbers. sine: of 2 pi j / size, up to j = size / 4.
+SCATTER_VECTOR_CLONES
+void separate(fftw_complex* values, const double* sine, std::size_t size) {
+  const std::size_t half = size / 2, quarter = size / 4;
+  const double first = values[0][0], second = values[0][1];
+  values[0][0] = first + second;
+  values[half][0] = first - second;
+  values[0][1] = values[half][1] = 0;
+  // Own and mirrored numbers are (own + conj mirrored) / 2, the transform of numbers at even places, plus
+  // that of those at odd places, turned.
+  const Octet conjugate{1, -1, 1, -1, 1, -1, 1, -1};
+  std::size_t j = 1;
+  for (; j + 4 <= quarter; j += 4) {
+    Octet own, mirrored;
+    Quad s, c;
+    std::memcpy(&own, values + j, sizeof own);
+    std::memcpy(&mirrored, values + (half - j - 3), sizeof mirrored);
+    std::memcpy(&s, sine + j, sizeof s);
+    std::memcpy(&c, sine + (quarter - j - 3), sizeof c);
+    mirrored = conjugate * __builtin_shufflevector(mirrored, mirrored, 6, 7, 4, 5, 2, 3, 0, 1);
+    const Octet even = 0.5 * (own + mirrored), odd = 0.5 * (own - mirrored);
+    const Octet across = conjugate * __builtin_shufflevector(odd, odd, 1, 0, 3, 2, 5, 4, 7, 6);
+    const Octet turned = __builtin_shufflevector(c, c, 3, 3, 2, 2, 1, 1, 0, 0) * across -
+                         __builtin_shufflevector(s, s, 0, 0, 1, 1, 2, 2, 3, 3) * odd;
+    own = even + turned;
+    mirrored = conjugate * (even - turned);
+    mirrored = __builtin_shufflevector(mirrored, mirrored, 6, 7, 4, 5, 2, 3, 0, 1);
+    std::memcpy(values + j, &own, sizeof own);
+    std::memcpy(values + (half - j - 3), &mirrored, sizeof mirrored);
+  }
+  for (; j <= quarter; ++j) {
+    double* const own = values[j];
+    double* const mirrored = values[half - j];
+    const double even_re = 0.5 * (own[0] + mirrored[0]), even_im = 0.5 * (own[1] - mirrored[1]);
+    const double odd_re = 0.5 * (own[0] - mirrored[0]), odd_im = 0.5 * (own[1] + mirrored[1]);
+    const double c = sine[quarter - j], s = sine[j];
+    const double turned_re = c * odd_im - s * odd_re, turned_im = -(c * odd_re + s * odd_im);
+    mirrored[0] = even_re - turned_re;
+    mirrored[1] = turned_im - even_im;
+    own[0] = even_re + turned_re;
+    own[1] = even_im + turned_im;
+  }
+}
+
+/// Real transforms of one length, a multiple of 4. By complex ones of half the length, as those take FFTW a
+/// fraction of a millisecond to plan, real ones ten.
 class Transform {
 public:
-  explicit Transform(std::size_t size) {
+  explicit Transform(std::size_t size) : size_(size) {
     const Memory memory(size);
     const std::lock_guard lock(fftw_planner());
     // No measuring: the same plan, and so the same bits, every time.
-    plan_ = fftw_plan_dft_r2c_1d(
-        static_cast<int>(size), memory.in, memory.out, FFTW_ESTIMATE | FFTW_DESTROY_INPUT);
+    plan_ = fftw_plan_dft_1d(
+        static_cast<int>(size / 2), memory.pairs(), memory.out, FFTW_FORWARD,
+        FFTW_ESTIMATE | FFTW_DESTROY_INPUT);
     if (!plan_) throw std::bad_alloc();
   }
   ~Transform() {
@@ -98,19 +184,45 @@ public:
     }
     Memory(const Memory&) = delete;
     Memory& operator=(const Memory&) = delete;
+    [[nodiscard]] fftw_complex* pairs() const { return reinterpret_cast<fftw_complex*>(in); }
     double* in;
     fftw_complex* out;
   };
 
   /// out_j = sum in_l exp(-2 pi i j l / size); spoils `in`. From any thread.
-  void run(const Memory& memory) const { fftw_execute_dft_r2c(plan_, memory.in, memory.out); }
+  void run(const Memory& memory, const Turns& turns) const {
+    fftw_execute_dft(plan_, memory.pairs(), memory.out);
+    separate(memory.out, turns.sine.data(), size_);
+  }
 
 private:
+  std::size_t size_;
   fftw_plan plan_ = nullptr;
 };
 
-/// Four numbers: real and imaginary parts of two.
-using Quad = double __attribute__((vector_size(32)));
+/// What depends on the number of steps alone.
+class Circle {
+public:
+  explicit Circle(std::size_t steps) : turns(steps), transform_(steps) {}
+  const Turns turns;
+  void transform(const Transform::Memory& memory) const { transform_.run(memory, turns); }
+
+private:
+  Transform transform_;
+};
+
+/// Plans take longer to make than to run: the last few circles are kept, unless they are large.
+std::shared_ptr<const Circle> circle_of(std::size_t steps) {
+  constexpr std::size_t most_kept = 4, largest_kept = 1'000'000;
+  if (steps > largest_kept) return std::make_shared<const Circle>(steps);
+  (void)fftw_planner(); // made before, and so destroyed after, what locks it
+  static std::mutex mutex;
+  static std::map<std::size_t, std::shared_ptr<const Circle>> kept;
+  const std::lock_guard lock(mutex);
+  if (const auto found = kept.find(steps); found != kept.end()) return found->second;
+  if (kept.size() >= most_kept) kept.clear();
+  return kept[steps] = std::make_shared<const Circle>(steps);
+}
 
 /// s_n, n = 0..count, to s[series][n], from the weights of partial waves.
 SCATTER_VECTOR_CLONES
@@ -151,58 +263,6 @@ LegendreSeries legendre_series(const PartialWaves& waves) {
   }
   to_legendre_series(waves.weights().data(), waves.count(), s);
   return result;
-}
-
-/// 1 / (2 sin theta) and 1 / (2 sin(theta / 2)) for theta = 2 pi j / steps, 0 < j < steps / 2.
-struct Turns {
-  explicit Turns(std::size_t steps);
-  std::vector<double> inverse, inverse_half; ///< from j = 0 on, which has none
-};
-
-Turns::Turns(std::size_t steps) : inverse(steps / 2), inverse_half(steps / 2) {
-  // Half angles up to 45 deg by the addition theorem from two short tables, the others by symmetry.
-  struct Pair {
-    double sine, cosine;
-  };
-  const std::size_t quarter = steps / 4;
-  std::size_t fine = 1;
-  while (fine * fine < quarter) fine *= 2;
-  const auto at = [&](std::size_t j) {
-    const long double angle =
-        std::numbers::pi_v<long double> * static_cast<long double>(j) / static_cast<long double>(steps);
-    return Pair{static_cast<double>(std::sin(angle)), static_cast<double>(std::cos(angle))};
-  };
-  std::vector<Pair> fine_table, coarse_table;
-  for (std::size_t j = 0; j < fine; ++j) fine_table.push_back(at(j));
-  for (std::size_t j = 0; j <= quarter; j += fine) coarse_table.push_back(at(j));
-  for (std::size_t j = 1; j <= quarter; ++j) {
-    const Pair &a = coarse_table[j / fine], &b = fine_table[j % fine];
-    const double sine = a.sine * b.cosine + a.cosine * b.sine, cosine = a.cosine * b.cosine - a.sine * b.sine;
-    const std::size_t mirrored = steps / 2 - j;
-    inverse[j] = inverse[mirrored] = 1 / (4 * sine * cosine);
-    inverse_half[mirrored] = 1 / (2 * cosine);
-    inverse_half[j] = 1 / (2 * sine);
-  }
-}
-
-/// What depends on the number of steps alone.
-struct Circle {
-  explicit Circle(std::size_t steps) : transform(steps), turns(steps) {}
-  Transform transform;
-  Turns turns;
-};
-
-/// Plans take longer to make than to run: the last few circles are kept, unless they are large.
-std::shared_ptr<const Circle> circle_of(std::size_t steps) {
-  constexpr std::size_t most_kept = 4, largest_kept = 1'000'000;
-  if (steps > largest_kept) return std::make_shared<const Circle>(steps);
-  (void)fftw_planner(); // made before, and so destroyed after, what locks it
-  static std::mutex mutex;
-  static std::map<std::size_t, std::shared_ptr<const Circle>> kept;
-  const std::lock_guard lock(mutex);
-  if (const auto found = kept.find(steps); found != kept.end()) return found->second;
-  if (kept.size() >= most_kept) kept.clear();
-  return kept[steps] = std::make_shared<const Circle>(steps);
 }
 
 /// C_n = leading (1 + rest) for n = first + i, by the series of the quotient of Gamma functions in 1 / v, v =
@@ -399,7 +459,7 @@ void fourier_sums(
     }
     // Where s_n hardly changes, the terms p >= 1 take away most of p = 0, but not its rounding.
     sum.low_square = sum_of_squares(memory.in, steps) + low_orders[set].leading_square[c];
-    circle->transform.run(memory);
+    circle->transform(memory);
     sum.value.resize(angles);
     divide_by_sine(memory.out + first, inverse_sine, angles, sum.value.data());
     if (high == 0) return;
@@ -416,7 +476,7 @@ void fourier_sums(
       RealSums::Term term;
       term.square = sum_of_squares(ring.data(), steps);
       term.difference_square = sum_of_squares(memory.in, steps);
-      circle->transform.run(memory);
+      circle->transform(memory);
       term.peak = std::abs(memory.out[steps / 2][0]);
       sum.high.push_back(term);
       add_term(re.data(), im.data(), power.data(), inverse_sine, memory.out + first, angles, k % 4);

@@ -73,7 +73,7 @@ std::shared_ptr<const Tables> tables_for(std::size_t orders) {
   static std::shared_ptr<const Tables> kept;
   const std::lock_guard lock(mutex);
   if (!kept || kept->orders < orders)
-    kept = std::make_shared<const Tables>(std::min(most_kept, std::max<std::size_t>(256, 2 * orders)));
+    kept = std::make_shared<const Tables>(std::min(most_kept, orders + orders / 4 + 64));
   return kept;
 }
 
