@@ -22,12 +22,17 @@
 // Angles with n_0 sin theta too small for M terms are left to the direct sum.
 //
 // Count, for 14401 angles at x = 50000 on one core of 2.6 GHz: the direct sum takes 14401 x 50343 steps of
-// 0.15 ns, 105 ms. With n_0 = 2900 and M = 10: low orders 2.1e6 products for all series at 0.5 ns, 1 ms; 44
-// transforms of 28800 at 0.08 ms, 3.5 ms; folding their coefficients and adding them up, 3 ms; 1.5 % of the
-// angles directly, 2 ms; Legendre series, tables, estimates 3.5 ms: 13 ms. The other ways cost more. Without
-// Fourier series of the low orders, the direct sum would do them at all angles (n_0 / x of 105 ms, 6 ms), or
+// 0.105 ns, 76 ms. With n_0 = 2900 and M = 9: low orders 2.1e6 products for all series at 0.22 ns, 0.5 ms; 40
+// transforms of 28800 at 0.09 ms, 3.6 ms; folding their coefficients and adding them up, 3 ms; 2 % of the
+// angles directly, 3 ms; Legendre series, tables, estimates 3 ms: 13 ms. The other ways cost more. Without
+// Fourier series of the low orders, the direct sum would do them at all angles (n_0 / x of 76 ms, 4 ms), or
 // dyadic blocks of sin theta would, with M transforms each. Fourier series of all orders are 6e8 products,
-// 300 ms, at this x, but the cheapest below x = 1e4. Asymptotics without FFT cost as much as the direct sum.
+// 140 ms, at this x, but the cheapest below x = 7000 (x = 2000 for 1801 angles). Asymptotics without FFT cost
+// as much as the direct sum.
+//
+// For 1801 angles at x = 1000 all orders are low: 0.3e6 products, 0.06 ms; 4 transforms of 3600, 0.04 ms; 4
+// deg at either end directly, 0.02 ms; what is left is memory, estimates and the like. 0.19 ms, the direct
+// sum 0.25.
 //
 // Rounding. The FFT's error at one angle is about 2.5 roundings of the root mean square over the circle, so
 // that S keeps 1e-15 of what it typically is at the sides; the direct sum's recurrence walks off by the root

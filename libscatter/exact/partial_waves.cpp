@@ -323,17 +323,17 @@ std::vector<double> weights_of_q(const PartialWaves& waves, std::size_t count, c
 SCATTER_VECTOR_CLONES
 double cubic_sum(const double* weights, std::size_t count) {
   using Eight = double __attribute__((vector_size(64)));
-  using Places = long __attribute__((vector_size(64)));
   Eight sum{}, n{1, 2, 3, 4, 5, 6, 7, 8};
   std::size_t k = 0;
   for (; k + 8 <= count; k += 8) {
     const Eight factor = n * (n + 1) / (2 * n + 1), cube = n * factor * factor;
-    for (long two = 0; two < 8; two += 2) {
-      Eight weight;
-      __builtin_memcpy(&weight, weights + 4 * (k + static_cast<std::size_t>(two)), sizeof weight);
-      sum += __builtin_shuffle(cube, Places{two, two, two, two, two + 1, two + 1, two + 1, two + 1}) *
-             (weight * weight);
-    }
+    Eight weight[4], square{};
+    __builtin_memcpy(weight, weights + 4 * k, sizeof weight);
+    square += __builtin_shufflevector(cube, cube, 0, 0, 0, 0, 1, 1, 1, 1) * (weight[0] * weight[0]);
+    square += __builtin_shufflevector(cube, cube, 2, 2, 2, 2, 3, 3, 3, 3) * (weight[1] * weight[1]);
+    square += __builtin_shufflevector(cube, cube, 4, 4, 4, 4, 5, 5, 5, 5) * (weight[2] * weight[2]);
+    square += __builtin_shufflevector(cube, cube, 6, 6, 6, 6, 7, 7, 7, 7) * (weight[3] * weight[3]);
+    sum += square;
     n += 8;
   }
   double total = 0;
@@ -617,7 +617,9 @@ std::vector<AngleSums> sum_directly(
   auto sums = empty_sums(sets.size(), angles.size());
   if (sets.empty() || angles.empty()) return sums;
 
-  const auto [order, points] = sorted_by_t(angles);
+  const SortedAngles sorted = sorted_by_t(angles);
+  const auto& order = sorted.order;
+  const auto& points = sorted.points;
   std::vector<Batch> batches;
   bool used[form_count] = {};
   for (std::size_t first = 0; first < points.size();) {
