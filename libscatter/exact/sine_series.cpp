@@ -22,9 +22,12 @@
 namespace scatter::exact {
 namespace {
 
-constexpr std::size_t lanes = 8;
-using Lanes = double __attribute__((vector_size(64), may_alias));
-constexpr std::size_t most_rows = 3;
+constexpr std::size_t lanes = 8;     ///< of a line of the cache
+constexpr std::size_t most_rows = 3; ///< lines of i at once
+template <std::size_t width>
+struct VectorOf {
+  typedef double type __attribute__((vector_size(8 * width), may_alias));
+};
 /// Numbers, zeros or not, that loops may read beyond the last one.
 constexpr std::size_t spare = lanes * (most_rows + 3);
 
@@ -87,15 +90,16 @@ struct Shifted {
 };
 
 /// out[series][i] += what one shift comes to, `rows` vectors of i side by side.
-template <std::size_t rows>
+template <std::size_t width, std::size_t rows>
 [[gnu::always_inline]] inline void add_shifted(const Shifted& in, double* const* out) {
+  using Lanes = typename VectorOf<width>::type;
   // So many pairs of k at once that their s, and those of the next i, stay in the nearest cache. The small
   // terms of large p go first: so they gather no rounding.
   constexpr std::size_t longest = 32;
   const auto pairs_at = [&](std::size_t i) { return (in.count - i + 2 * lanes - 1) / (2 * lanes); };
   const std::size_t all_pairs = pairs_at(0);
   for (std::size_t chunk = (all_pairs + longest - 1) / longest; chunk-- > 0;)
-    for (std::size_t i = 0; i < in.count; i += rows * lanes) {
+    for (std::size_t i = 0; i < in.count; i += rows * width) {
       const std::size_t first = chunk * longest, last = std::min(first + longest, pairs_at(i));
       if (last <= first) break;
       Lanes sums[rows][series_count];
@@ -111,33 +115,33 @@ template <std::size_t rows>
           const double* const v = (even ? in.v_even : in.v_odd) + i + pair * lanes;
 #pragma GCC unroll 4
           for (std::size_t r = 0; r < rows; ++r) {
-            const Lanes product = u * *reinterpret_cast<const Lanes*>(v + r * lanes);
+            const Lanes product = u * *reinterpret_cast<const Lanes*>(v + r * width);
 #pragma GCC unroll 4
             for (std::size_t c = 0; c < series_count; ++c)
               sums[r][c] +=
-                  product * *reinterpret_cast<const Lanes*>(in.s[c] + i + (2 * pair + k + r) * lanes);
+                  product * *reinterpret_cast<const Lanes*>(in.s[c] + i + (2 * pair + k) * lanes + r * width);
           }
         }
 #pragma GCC unroll 4
       for (std::size_t r = 0; r < rows; ++r)
 #pragma GCC unroll 4
         for (std::size_t c = 0; c < series_count; ++c)
-          *reinterpret_cast<Lanes*>(out[c] + i + r * lanes) += sums[r][c];
+          *reinterpret_cast<Lanes*>(out[c] + i + r * width) += sums[r][c];
     }
 }
 
-// One instance per set of vector instructions: 32 registers hold the sums of three rows, 16 those of one.
+// One instance per set of vector instructions: 32 registers hold the sums of three rows, 16 those of two.
 using AddShifted = void (*)(const Shifted&, double* const*);
 #if defined(__x86_64__) && defined(__GNUC__)
 __attribute__((target("avx512f,fma"))) void add_shifted_avx512(const Shifted& in, double* const* out) {
-  add_shifted<3>(in, out);
+  add_shifted<8, 3>(in, out);
 }
 __attribute__((target("avx2,fma"))) void add_shifted_avx2(const Shifted& in, double* const* out) {
-  add_shifted<1>(in, out);
+  add_shifted<4, 2>(in, out);
 }
 #endif
 void add_shifted_plain(const Shifted& in, double* const* out) {
-  add_shifted<1>(in, out);
+  add_shifted<2, 2>(in, out);
 }
 AddShifted add_shifted_here() {
 #if defined(__x86_64__) && defined(__GNUC__)
