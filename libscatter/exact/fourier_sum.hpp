@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <functional>
 #include <span>
-#include <vector>
 
 /// Internal to scatter::exact: the sum over partial waves on an even division of the circle, by FFT. Method
 /// and its count of operations: fourier_sum.cpp.
@@ -27,16 +26,18 @@ struct FourierSplit {
 [[nodiscard]] FourierSplit
 cheapest_split(std::size_t count, std::size_t steps, const std::function<double(double)>& direct_below);
 
-/// Amplitudes of one set, one per angle.
+/// Where the amplitudes of one set go, one place per angle.
 struct FourierSums {
-  std::vector<std::complex<double>> S1, S2;
-  std::vector<double> rounding; ///< estimated error of S1 and S2, absolute: rounding and neglected terms
+  std::span<std::complex<double>> S1, S2;
+  std::span<double> rounding;        ///< estimated error of S1 and S2, absolute: rounding and neglected terms
+  std::span<double> largest_partial; ///< |S1|^2 + |S2|^2 + typical / sin(theta)
+  double typical = 0;
 };
 
 /// All sets at theta = 2 pi j / steps, j = first..last with 0 < j < steps / 2; good where the sine is
 /// split.smallest_sine or more. threads = 0: all cores; they change no bits.
-[[nodiscard]] std::vector<FourierSums> fourier_sums(
+void fourier_sums(
     std::span<const PartialWaves> sets, const FourierSplit& split, std::size_t first, std::size_t last,
-    int threads);
+    std::span<const FourierSums> results, int threads);
 
 } // namespace scatter::exact

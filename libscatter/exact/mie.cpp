@@ -2,6 +2,7 @@
 #include <scatter/exact/mie_accuracy.hpp>
 #include <scatter/exact/partial_waves.hpp>
 #include <scatter/exact/sphere_coefficients.hpp>
+#include <scatter/exact/vector_clones.hpp>
 #include <scatter/optics/errors.hpp>
 
 #include <algorithm>
@@ -21,6 +22,34 @@ double required_error(double x) {
   return x <= 5000 ? 1e-12 : 1e-11;
 }
 
+/// Errors relative to the larger amplitude; returns how many may be above `limit`.
+SCATTER_VECTOR_CLONES
+std::size_t relative_errors(
+    const AngleSums& sums, double coefficient_error, std::size_t count, double limit, double* errors) {
+  const auto* const S1 = reinterpret_cast<const double*>(sums.S1.data());
+  const auto* const S2 = reinterpret_cast<const double*>(sums.S2.data());
+  const double *const rounding = sums.rounding.data(), *const partial = sums.largest_partial.data();
+  std::size_t above = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double first = S1[2 * i] * S1[2 * i] + S1[2 * i + 1] * S1[2 * i + 1];
+    const double second = S2[2 * i] * S2[2 * i] + S2[2 * i + 1] * S2[2 * i + 1];
+    errors[i] = (rounding[i] + coefficient_error * std::sqrt(partial[i])) /
+                std::sqrt(first > second ? first : second);
+    above += !(errors[i] <= limit);
+  }
+  return above;
+}
+
+/// scale (|S1|^2 + |S2|^2)
+SCATTER_VECTOR_CLONES
+void intensities(const AngleSums& sums, double scale, std::size_t count, double* values) {
+  const auto* const S1 = reinterpret_cast<const double*>(sums.S1.data());
+  const auto* const S2 = reinterpret_cast<const double*>(sums.S2.data());
+  for (std::size_t i = 0; i < count; ++i)
+    values[i] = scale * ((S1[2 * i] * S1[2 * i] + S1[2 * i + 1] * S1[2 * i + 1]) +
+                         (S2[2 * i] * S2[2 * i] + S2[2 * i + 1] * S2[2 * i + 1]));
+}
+
 /// enough: S need not be better than that.
 MieResult solve(
     double x, std::complex<double> m, std::span<const double> theta, AngleUnit unit, int threads,
@@ -38,18 +67,14 @@ MieResult solve(
   // Errors relative to the larger amplitude. Where the sum in double is not sure of the digits, it is made
   // once more, with twice as many.
   const double required = std::max(required_error(x), enough);
+  // The estimate holds twice over.
+  const double limit = 2 * required;
   std::vector<double> errors(angles.size());
   std::vector<std::size_t> unsure;
-  const auto relative = [&](std::size_t i, double rounding) {
-    const double larger = std::max(std::norm(sums.S1[i]), std::norm(sums.S2[i]));
-    return (rounding + c.relative_error * std::sqrt(sums.largest_partial[i])) / std::sqrt(larger);
-  };
-  for (std::size_t i = 0; i < angles.size(); ++i) {
-    errors[i] = relative(i, sums.rounding[i]);
-    // The estimate holds twice over.
-    if (!(errors[i] <= 2 * required)) unsure.push_back(i);
-  }
-  if (!unsure.empty() || !(c.back_error <= 2 * required)) {
+  if (relative_errors(sums, c.relative_error, angles.size(), limit, errors.data()) > 0)
+    for (std::size_t i = 0; i < angles.size(); ++i)
+      if (!(errors[i] <= limit)) unsure.push_back(i);
+  if (!unsure.empty() || !(c.back_error <= limit)) {
     ExtendedWaves exact;
     c = sphere_coefficients(x, m, &exact);
     std::vector<Angle> again;
@@ -61,7 +86,8 @@ MieResult solve(
       const std::size_t i = unsure[k];
       sums.S1[i] = better.S1[k];
       sums.S2[i] = better.S2[k];
-      errors[i] = 4 * epsilon + relative(i, fine * std::sqrt(sums.largest_partial[i]));
+      const double larger = std::max(std::norm(sums.S1[i]), std::norm(sums.S2[i]));
+      errors[i] = 4 * epsilon + (fine + c.relative_error) * std::sqrt(sums.largest_partial[i] / larger);
     }
   }
 
@@ -76,12 +102,9 @@ MieResult solve(
   // Qabs follows the squared width of a resonance: twice the coefficient's error, and once more for the width
   // itself.
   result.error_estimate = 8 * epsilon + (m.imag() > 0 ? 4 : 1) * c.relative_error;
-  result.phase_function.reserve(angles.size());
-  for (std::size_t i = 0; i < angles.size(); ++i) {
-    result.error_estimate = std::max(result.error_estimate, errors[i]);
-    result.phase_function.push_back(
-        (std::norm(sums.S1[i]) + std::norm(sums.S2[i])) / (2 * std::numbers::pi * x * x * c.Qsca));
-  }
+  result.phase_function.resize(angles.size());
+  intensities(sums, 1 / (2 * std::numbers::pi * x * x * c.Qsca), angles.size(), result.phase_function.data());
+  for (const double error : errors) result.error_estimate = std::max(result.error_estimate, error);
   result.S1 = std::move(sums.S1);
   result.S2 = std::move(sums.S2);
   return result;

@@ -30,18 +30,18 @@ private:
   std::vector<double> weights_;
 };
 
-enum class AngleUnit { radian, degree };
+enum class AngleUnit : unsigned char { radian, degree };
 
 /// One scattering angle, folded into the forward half: t = 1 - cos(theta') with theta' = min(theta, pi -
 /// theta).
 struct Angle {
   double t = 0, t_rest = 0; ///< t to twice the digits of a double
-  bool backward = false;    ///< theta > 90 deg
   double theta = 0;         ///< as given; theta + theta_rest counts as exact in its unit
   double theta_rest = 0;
-  AngleUnit unit = AngleUnit::radian;
   /// Millionths of a degree, exactly, if the angle belongs to an even grid of decimals; otherwise -1.
-  std::int64_t place = -1;
+  std::int32_t place = -1;
+  AngleUnit unit = AngleUnit::radian;
+  bool backward = false; ///< theta > 90 deg
 };
 
 /// Angles count as exact in their unit. Where all of them make an even grid in degrees, in any order, whose
@@ -65,7 +65,7 @@ struct AngleSums {
 /// How sums over partial waves are made: one by one, or for the whole circle by FFT (fourier_sum.hpp) where
 /// the angles are an even grid of decimals.
 enum class SumMethod {
-  cheapest, ///< by FFT where a model of the costs, which knows numbers alone, says that it saves a third
+  cheapest, ///< by FFT where a model of the costs, which knows numbers alone, says that it saves a fifth
   direct,
   fourier ///< by FFT wherever possible: InputError if the angles are no grid of at most 4e6 steps
 };

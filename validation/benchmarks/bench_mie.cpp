@@ -6,9 +6,10 @@
 // peak that a direct sum of mirror images would need for that.
 //
 // Every figure stands against one core's own peak, measured first with the widest vectors: fused
-// multiply-adds in double precision. Floating-point operations are counted as the sum needs them at least: an
-// angle takes 4 multiply-adds and 2 of the recurrence, one that comes with its mirror image half of that.
-// Rates are those of the fastest run, as is the peak: what else the machine does disturbs that less.
+// multiply-adds in double precision. Floating-point operations are counted as the recurrence of two terms
+// needs them: an angle takes 4 multiply-adds and 2 of the recurrence, one that comes with its mirror image
+// half of that. The sum itself takes 2 to 3 for the recurrence, so that the count is neither flattery nor a
+// bound. Rates are those of the fastest run, as is the peak: what else the machine does disturbs that less.
 
 #include <scatter/exact/mie.hpp>
 #include <scatter/exact/partial_waves.hpp>
