@@ -10,8 +10,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 #include <string>
+#include <vector>
 
 namespace scatter::fiber {
 namespace {
@@ -74,8 +76,12 @@ struct Job {
   double eta;
   std::array<double, 3> sigma_a;
   std::array<Bell, 3> bells;
-  /// Of the residual lobe per colour, T_k(2 sqrt(cos theta_d) - 1) / (2 pi); [k][colour], of equal length.
-  std::vector<std::array<double, 3>> series;
+  /// Of the residual lobe per colour over 2 pi, x = 2 sqrt(cos theta_d) - 1: the sum over k of
+  /// T_k(2 x^2 - 1) times even[k] + x odd[k].
+  struct Term {
+    std::array<double, 3> even, odd;
+  };
+  std::vector<Term> series;
 };
 
 /// Sums of M_X N_X over cos^2 theta_d. N: [order][colour][direction], `stride` directions apart.
@@ -91,15 +97,21 @@ SCATTER_LANE void weigh(
   }
   T E[3] = {T::all(0), T::all(0), T::all(0)};
   if (!job.series.empty()) {
-    // The colours share Chebyshev's polynomials.
-    const T x = multiply_add(T::all(2), lane::root(cosine), T::all(-1)), twice = x + x;
-    T before = x, last = T::all(1); // T_-1, T_0
-    for (const std::array<double, 3>& coefficient : job.series) {
-      for (std::size_t c = 0; c < 3; ++c) E[c] = multiply_add(T::all(coefficient[c]), last, E[c]);
-      const T next = multiply_add(twice, last, -before);
+    // Even and odd terms of all colours share Chebyshev's polynomials.
+    const T x = multiply_subtract(T::all(2), lane::root(cosine), T::all(1));
+    const T y = multiply_subtract(x + x, x, T::all(1)), twice = y + y;
+    T before = y, last = T::all(1); // T_-1, T_0
+    T odd[3] = {T::all(0), T::all(0), T::all(0)};
+    for (const Job::Term& term : job.series) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        E[c] = multiply_add(T::all(term.even[c]), last, E[c]);
+        odd[c] = multiply_add(T::all(term.odd[c]), last, odd[c]);
+      }
+      const T next = multiply_subtract(twice, last, before);
       before = last;
       last = next;
     }
+    for (std::size_t c = 0; c < 3; ++c) E[c] = multiply_add(x, odd[c], E[c]);
   }
   const T scale = inverse(cosine * cosine);
   for (std::size_t c = 0; c < 3; ++c) {
@@ -161,6 +173,11 @@ void check_directions(
   if (theta_o.size() != count || phi.size() != count || values != 3 * count)
     throw InputError("lists of directions and of values do not match: there are three values, for the "
                      "colours, per direction");
+  // Without branches, for vectors: the difference of a finite number with itself is 0.
+  std::uint64_t wrong = 0;
+  for (std::size_t k = 0; k < count; ++k)
+    wrong |= std::uint64_t{std::isunordered(theta_i[k], theta_o[k])} | std::uint64_t{phi[k] - phi[k] != 0};
+  if (wrong == 0) return;
   for (std::size_t k = 0; k < count; ++k)
     if (std::isnan(theta_i[k]) || std::isnan(theta_o[k]) || !std::isfinite(phi[k]))
       throw InputError("an angle of a fibre's scattering is not a number: direction " + std::to_string(k));
@@ -188,8 +205,17 @@ void HairScattering::eval(
   if (parameters_.residual)
     for (std::size_t c = 0; c < 3; ++c) {
       const std::vector<double>& coefficients = residual_energy_[c].coefficients();
-      job.series.resize(std::max(job.series.size(), coefficients.size()));
-      for (std::size_t k = 0; k < coefficients.size(); ++k) job.series[k][c] = coefficients[k] / (2 * pi);
+      const auto scaled = [&](std::size_t k) {
+        return k < coefficients.size() ? coefficients[k] / (2 * pi) : 0;
+      };
+      const std::size_t terms = coefficients.size() / 2 + 1;
+      if (job.series.size() < terms) job.series.resize(terms);
+      // T_2k(x) = T_k(2 x^2 - 1), and T_2k+1(x) = 2 x T_k(2 x^2 - 1) - T_2k-1(x).
+      for (std::size_t k = terms; k-- > 0;) {
+        job.series[k].even[c] = scaled(2 * k);
+        job.series[k].odd[c] = 2 * scaled(2 * k + 1) - (k + 1 < terms ? job.series[k + 1].odd[c] : 0);
+      }
+      job.series[0].odd[c] *= 0.5;
     }
   const Lists lists{theta_i, theta_o, phi, value};
 #if SCATTER_FIBER_X86_LANES

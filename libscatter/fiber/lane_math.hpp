@@ -70,6 +70,19 @@ SCATTER_FIBER_AVX512 inline __m512d rough_inverse(__m512d a) {
 SCATTER_FIBER_AVX512 inline __m512d rough_inverse_root(__m512d a) {
   return _mm512_maskz_rsqrt14_pd(all_lanes, a);
 }
+/// Bits of 2^(j/16), less j in the four lowest bits of the exponent.
+alignas(64) inline constexpr long long powers_of_sixteenths[16] = {
+    0x3ff0000000000000, 0x3fefb5586cf9890f, 0x3fef72b83c7d517b, 0x3fef387a6e756238,
+    0x3fef06fe0a31b715, 0x3feedea64c123422, 0x3feebfdad5362a27, 0x3feeab07dd485429,
+    0x3feea09e667f3bcd, 0x3feea11473eb0187, 0x3feeace5422aa0db, 0x3feec49182a3f090,
+    0x3feee89f995ad3ad, 0x3fef199bdd85529c, 0x3fef5818dcfba487, 0x3fefa4afa2a490da};
+/// 2^n for n = shifted - 1.5 2^48, a number of sixteenths.
+SCATTER_FIBER_AVX512 inline __m512d power_of_sixteenths(__m512d shifted) {
+  const __m512i bits = _mm512_castpd_si512(shifted);
+  const __m512i powers = _mm512_permutex2var_epi64(
+      _mm512_load_si512(powers_of_sixteenths), bits, _mm512_load_si512(powers_of_sixteenths + 8));
+  return _mm512_castsi512_pd(_mm512_add_epi64(powers, _mm512_maskz_slli_epi64(all_lanes, bits, 48)));
+}
 
 SCATTER_FIBER_AVX2 inline __m256d multiply_add(__m256d a, __m256d b, __m256d c) {
   return _mm256_fmadd_pd(a, b, c);
@@ -188,6 +201,11 @@ struct Lanes {
     SCATTER_FIBER_ON_X86(has_rough, x86::rough_inverse_root(a.v))
     return {reinterpret_cast<Doubles>(INT64_C(0x5fe6eb50c7b537a9) - (reinterpret_cast<Integers>(a.v) >> 1))};
   }
+  /// 2^n for n = shifted - 1.5 2^48, a number of sixteenths; where there is has_rough.
+  SCATTER_LANE friend Lanes power_of_sixteenths(const Lanes& shifted) {
+    SCATTER_FIBER_ON_X86(has_rough, x86::power_of_sixteenths(shifted.v))
+    return shifted;
+  }
 #undef SCATTER_FIBER_ON_X86
   /// a^(1/3) to 3 %, a positive and normal: a third of the exponent and of the mantissa as if it were its
   /// log.
@@ -274,6 +292,9 @@ struct Two {
   SCATTER_LANE friend Two rough_cube_root(const Two& a) {
     return {rough_cube_root(a.first), rough_cube_root(a.second)};
   }
+  SCATTER_LANE friend Two power_of_sixteenths(const Two& shifted) {
+    return {power_of_sixteenths(shifted.first), power_of_sixteenths(shifted.second)};
+  }
   SCATTER_LANE friend Two scaled(const Two& a, const Two& shifted) {
     return {scaled(a.first, shifted.first), scaled(a.second, shifted.second)};
   }
@@ -296,30 +317,38 @@ SCATTER_LANE T quick_root(const T& x) {
   return guess * subtract_product(T::all(1.5012972), T::all(0.5004203) * guess, y);
 }
 
-/// 1 / sqrt(x), relative error below 4e-16; x positive and normal. A guess, then series: on wide vectors
-/// several times as fast as square root and division.
 template <class T>
-SCATTER_LANE T inverse_root(const T& x) {
+struct RootAndInverse {
+  T root, inverse;
+};
+
+/// sqrt(x) and 1 / sqrt(x), relative error below 4e-16; x positive and normal. A guess, then series: on wide
+/// vectors several times as fast as square root and division.
+template <class T>
+SCATTER_LANE RootAndInverse<T> root_and_inverse(const T& x) {
   T y = rough_inverse_root(x);
   if constexpr (!T::has_rough)
     // Newton's step with constants for the guess's error of -3.4 .. 3.4 %, which leaves 0.09 %.
     y = y * subtract_product(T::all(1.5012972), T::all(0.5004203) * (x * y), y);
-  const T rest = subtract_product(T::all(1), x * y, y);
+  const T guess = x * y, rest = subtract_product(T::all(1), guess, y);
   T series = multiply_add(rest, T::all(0.3125), T::all(0.375));
   if constexpr (!T::has_rough)
     series = multiply_add(rest * rest, multiply_add(rest, T::all(0.24609375), T::all(0.2734375)), series);
-  return multiply_add(y * rest, multiply_add(rest, series, T::all(0.5)), y);
+  const T change = rest * multiply_add(rest, series, T::all(0.5));
+  return {multiply_add(guess, change, guess), multiply_add(y, change, y)};
+}
+template <class T>
+SCATTER_LANE T root(const T& x) {
+  return root_and_inverse(x).root;
+}
+template <class T>
+SCATTER_LANE T inverse_root(const T& x) {
+  return root_and_inverse(x).inverse;
 }
 
 template <class T>
 SCATTER_LANE T absolute(const T& x) {
   return larger(x, -x);
-}
-
-/// sqrt(x) as inverse_root(x).
-template <class T>
-SCATTER_LANE T root(const T& x) {
-  return x * inverse_root(x);
 }
 
 /// sum c[k] x^k, odd and even powers apart: two chains, which wait for themselves half as long.
@@ -341,22 +370,30 @@ SCATTER_LANE T polynomial(const double (&c)[count], const T& x) {
 /// 2^x, relative error below 4e-16, -1000 <= x <= 0.
 template <class T>
 SCATTER_LANE T power_of_two_in_range(const T& x) {
-  static constexpr double c[] = {
-      1,
-      0.6931471805599453,
-      0.2402265069591016,
-      0.055504108664821625,
-      0.009618129107587223,
-      0.0013333558146406453,
-      0.00015403530463766596,
-      1.5252733841579287e-05,
-      1.3215432514189648e-06,
-      1.017805707615539e-07,
-      7.074198158791346e-09,
-      4.4558199665721414e-10};
-  const T rounding = T::all(0x1.8p52); // its last bit is one: adding it rounds to a whole number
-  const T shifted = x + rounding;
-  return scaled(polynomial(c, x - (shifted - rounding)), shifted);
+  if constexpr (T::has_rough) { // a table of sixteen fits into two registers
+    static constexpr double c[] = {0.6931471805599457,   0.24022650695910075,   0.0555041086566393,
+                                   0.009618129106919537, 0.0013333781576784268, 0.00015403723980749256};
+    const T rounding = T::all(0x1.8p48); // its last bit is a sixteenth: adding it rounds to whole ones
+    const T shifted = x + rounding, rest = x - (shifted - rounding), power = power_of_sixteenths(shifted);
+    return multiply_add(power, rest * polynomial(c, rest), power);
+  } else {
+    static constexpr double c[] = {
+        1,
+        0.6931471805599453,
+        0.2402265069591016,
+        0.055504108664821625,
+        0.009618129107587223,
+        0.0013333558146406453,
+        0.00015403530463766596,
+        1.5252733841579287e-05,
+        1.3215432514189648e-06,
+        1.017805707615539e-07,
+        7.074198158791346e-09,
+        4.4558199665721414e-10};
+    const T rounding = T::all(0x1.8p52); // its last bit is one
+    const T shifted = x + rounding;
+    return scaled(polynomial(c, x - (shifted - rounding)), shifted);
+  }
 }
 
 /// The same for all x <= 0; below -700 2^-700: products with it stay clear of denormal numbers.

@@ -52,7 +52,7 @@ struct alignas(64) Problems {
   double side[most_roots];                        ///< -1 rising, +1 falling
   double amplitude[most_roots], path[most_roots]; ///< found: N_2 is amplitude exp(-sigma_a path)
   std::uint16_t direction[most_roots];
-  std::size_t count = 0;
+  std::size_t rays = 0, count = 0; ///< those wanted; with those that fill up the last vectors
 };
 
 /// Indices of directions, with room for one write too many.
@@ -97,7 +97,7 @@ SCATTER_LANE T let_through(double contrast, const T& X, const T& w, const T& inv
          multiply_add(T::all(contrast + 1) * inverse_p, inverse_p, inverse_s * inverse_s);
 }
 
-/// R, TT without absorption, and which TRT rays there are.
+/// R, TT without absorption, and which TRT rays there are; lists hold whole vectors.
 template <class T>
 SCATTER_LANE void closed_forms(double contrast, std::size_t count, Directions& d, Rays& rays) {
   const T E = T::all(contrast), eta2 = T::all(contrast + 1), zero = T::all(0), one = T::all(1);
@@ -129,9 +129,10 @@ SCATTER_LANE void closed_forms(double contrast, std::size_t count, Directions& d
     const T square = (S * A) * (S * A);
     const T room = T::all(27) * (square * c2), highest = bend * (bend * bend);
     const T rim = multiply_subtract(T::all(2), c2 * inverse_A, one);
-    const std::uint32_t rising = T::bits(less(zero, bend)) & T::bits(less_or_equal(room, highest));
+    const std::uint32_t wanted = count - i < T::width ? (1U << (count - i)) - 1 : ~0U;
+    const std::uint32_t rising = wanted & T::bits(less(zero, bend)) & T::bits(less_or_equal(room, highest));
     const std::uint32_t falling = rising & T::bits(less_or_equal(rim, S));
-    const std::uint32_t other = T::bits(less_or_equal(S, -rim));
+    const std::uint32_t other = wanted & T::bits(less_or_equal(S, -rim));
     for (std::size_t k = 0; k < T::width; k += 4) {
       rays.rising.append(rising >> k & 15, i + k);
       rays.falling.append(falling >> k & 15, i + k);
@@ -157,8 +158,8 @@ void gather(const Directions& d, const Rays& rays, std::size_t lanes, Problems& 
   add(rays.rising, -1, 1);
   add(rays.falling, 1, 1);
   add(rays.other, 1, -1);
+  p.rays = p.count;
   for (; p.count % lanes != 0; ++p.count) {
-    p.direction[p.count] = block; // none
     p.cos_d[p.count] = p.cosine[p.count] = p.side[p.count] = 1;
     p.sine[p.count] = 0;
   }
@@ -264,12 +265,19 @@ SCATTER_LANE void solve(double contrast, Problems& p) {
   }
 }
 
+/// T::width - 1 more than count may be read and written.
+template <class T>
+SCATTER_LANE void copy(const double* from, std::size_t count, double* to) {
+  for (std::size_t i = 0; i < count; i += T::width) T::load(from + i).store(to + i);
+}
+
+/// to[i] = amplitude[i] exp(-sigma_a path[i]); the same of reading and writing.
 template <class T>
 SCATTER_LANE void
-absorb(std::size_t count, double sigma_a, const double* amplitude, const double* path, double* value) {
+absorb(const double* amplitude, const double* path, double sigma_a, std::size_t count, double* to) {
   const T rate = T::all(-sigma_a * std::numbers::log2e);
   for (std::size_t i = 0; i < count; i += T::width)
-    (T::load(amplitude + i) * power_of_two(rate * T::load(path + i))).store(value + i);
+    (T::load(amplitude + i) * power_of_two(rate * T::load(path + i))).store(to + i);
 }
 
 /// All of ray_lobes(), T lanes at a time.
@@ -280,8 +288,10 @@ lobes(double eta, std::span<const double> sigma_a, const RayLobeDirections& dire
   const double contrast = (eta - 1) * (eta + 1);
   Directions d;
   Problems problems;
-  alignas(64) double value[most_roots];
+  alignas(64) double value[most_roots], part[block];
   for (std::size_t from = 0; from < count; from += block) {
+    // Whole vectors, filled up where data end: a result then comes from the same instructions whatever stands
+    // beside it.
     const std::size_t n = std::min(block, count - from), whole = (n + T::width - 1) / T::width * T::width;
     std::copy_n(&directions.cos_theta_d[from], n, d.cos_d);
     std::copy_n(&directions.sin_half_phi[from], n, d.sine);
@@ -290,18 +300,23 @@ lobes(double eta, std::span<const double> sigma_a, const RayLobeDirections& dire
     std::fill(d.sine + n, d.sine + whole, 1.0);
     std::fill(d.cosine + n, d.cosine + whole, 0.0);
     Rays rays;
-    closed_forms<T>(contrast, whole, d, rays);
+    closed_forms<T>(contrast, n, d, rays);
     gather(d, rays, 2 * T::width, problems);
     solve<Two<T>>(contrast, problems);
     for (std::size_t colour = 0; colour < colours; ++colour) {
       const auto out = [&](std::size_t order) { return &N[(order * colours + colour) * count + from]; };
-      std::copy_n(d.R, n, out(0));
-      absorb<T>(whole, sigma_a[colour], d.TT, d.path, value);
-      std::copy_n(value, n, out(1));
-      absorb<T>(problems.count, sigma_a[colour], problems.amplitude, problems.path, value);
-      double TRT[block + 1] = {}; // the last is for what filled up
-      for (std::size_t k = 0; k < problems.count; ++k) TRT[problems.direction[k]] += value[k];
-      std::copy_n(TRT, n, out(2));
+      // Where whole vectors fit, straight to where they belong.
+      double* const TT = whole == n ? out(1) : part;
+      absorb<T>(d.TT, d.path, sigma_a[colour], whole, TT);
+      if (TT == part) std::copy_n(part, n, out(1));
+      if (whole == n)
+        copy<T>(d.R, n, out(0));
+      else
+        std::copy_n(d.R, n, out(0));
+      absorb<T>(problems.amplitude, problems.path, sigma_a[colour], problems.count, value);
+      double* const TRT = out(2);
+      std::fill_n(TRT, n, 0.0);
+      for (std::size_t k = 0; k < problems.rays; ++k) TRT[problems.direction[k]] += value[k];
     }
   }
 }

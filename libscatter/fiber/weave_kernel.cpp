@@ -47,7 +47,7 @@ SCATTER_LANE void evaluate(const WeaveConstants& weave, WeaveBlock& block, std::
       nearer_i = together * inverse_i;
       nearer_r = together * inverse_r;
     }
-    const T contrast = T::all(strand.contrast), index2 = T::all(strand.contrast + 1);
+    const T index2 = T::all(strand.contrast + 1), contrast_16 = T::all(16 * strand.contrast);
     const T surface_rate = T::all(-strand.surface_rate), volume_rate = T::all(-strand.volume_rate);
     const T volume_height = T::all(strand.volume_height), isotropic = T::all(strand.isotropic);
     T surface_sum = zero, volume_sum = zero, seen_sum = zero;
@@ -58,53 +58,51 @@ SCATTER_LANE void evaluate(const WeaveConstants& weave, WeaveBlock& block, std::
       const T x_i = larger(subtract_product(c * z_i, s, t_i), zero);
       const T x_r = larger(subtract_product(c * z_r, s, t_r), zero);
       const T square_i = multiply_add(x_i, x_i, square_y_i), square_r = multiply_add(x_r, x_r, square_y_r);
-      const T inverse_i = inverse_root(square_i), inverse_r = inverse_root(square_r);
+      const auto [cosine_i, inverse_i] = root_and_inverse(square_i);
+      const auto [cosine_r, inverse_r] = root_and_inverse(square_r);
       // Sums of sines and cosines are 2 cos theta_d times those of theta_h: no angle is needed.
-      const T cosine_i = square_i * inverse_i, cosines = multiply_add(square_r, inverse_r, cosine_i);
-      const T sines = multiply_add(c, t_sum, s * z_sum);
-      const T square_d = multiply_add(cosines, cosines, sines * sines); // 4 cos^2 theta_d
-      const T inverse_d = inverse_root(square_d);
-      const T cos_h = cosines * inverse_d, sin_h = sines * inverse_d;
+      const T cosines = cosine_i + cosine_r, sines = multiply_add(c, t_sum, s * z_sum);
+      const T sines2 = sines * sines;
+      const auto [twice_cos_d, inverse_d] = root_and_inverse(multiply_add(cosines, cosines, sines2));
       // Unit vectors across the thread; their sum has the length 2 cos(phi_d / 2).
       const T unit_i = x_i * inverse_i, unit_r = x_r * inverse_r;
       const T x = unit_i + unit_r, y = multiply_add(y_i, inverse_i, y_r * inverse_r);
-      const T square_phi = multiply_add(x, x, multiply_add(y, y, T::all(1e-200)));
-      const T twice_phi = square_phi * inverse_root(square_phi);
-      const T half_cosine = T::all(0.5) * twice_phi;
-      const T together = power_of_two_in_range(masking_rate * arc_squared(one - half_cosine));
+      const T twice_cos_phi = root(multiply_add(x, x, multiply_add(y, y, T::all(1e-200))));
+      const T together = power_of_two_in_range(
+          masking_rate * arc_squared(subtract_product(one, T::all(0.5), twice_cos_phi)));
       const T product = unit_i * unit_r;
       const T masked = multiply_add(together, smaller(unit_i, unit_r) - product, product);
       const T seen = share * multiply_add(x_i * x_r, apart, smaller(x_i * nearer_i, x_r * nearer_r));
       seen_sum = seen_sum + seen;
-      // Fresnel, unpolarised; the transmitted share without cancellation at grazing incidence.
-      const T incidence = T::all(0.5) * (half_cosine * (square_d * inverse_d));
-      const T inside2 = multiply_add(incidence, incidence, contrast);
-      const T inside = inside2 * inverse_root(inside2);
+      // Fresnel, unpolarised; the transmitted share without cancellation at grazing incidence. Of incidence
+      // and refraction four times the cosines: quotients have no scale.
+      const T incidence = twice_cos_phi * twice_cos_d;
+      const T inside = root(multiply_add(incidence, incidence, contrast_16));
       const T sum_s = incidence + inside, sum_p = multiply_add(index2, incidence, inside);
       // One division for four quotients.
-      const T sums = sum_s * sum_p, rise = one + cos_h, others = cosines * rise;
-      const T together_inverse = inverse(sums * others);
-      const T sums_inverse = together_inverse * others, others_inverse = together_inverse * sums;
+      const T sums = sum_s * sum_p, rise = twice_cos_d + cosines, others = cosines * rise;
+      const T all_inverse = inverse(sums * others);
+      const T sums_inverse = all_inverse * others, others_inverse = all_inverse * sums;
       const T inverse_s = sum_p * sums_inverse, inverse_p = sum_s * sums_inverse;
       const T square_s = inverse_s * inverse_s, square_p = inverse_p * inverse_p;
-      const T r_s = contrast * square_s, r_p = multiply_subtract(index2, incidence, inside) * inverse_p;
-      const T reflected = half_cosine * multiply_add(r_s, r_s, r_p * r_p);
+      const T r_s = contrast_16 * square_s, r_p = multiply_subtract(index2, incidence, inside) * inverse_p;
       const T entering = (incidence * inside) * multiply_add(index2, square_p, square_s); // its half
-      // Longitudinal.
-      const T theta_h2 = arc_squared((sin_h * sin_h) * (others_inverse * cosines));
+      // Longitudinal: 1 - cos theta_h = sines^2 / (2 cos theta_d (2 cos theta_d + cosines)).
+      const T theta_h2 = arc_squared((sines2 * inverse_d) * (others_inverse * cosines));
       const T surface = power_of_two(surface_rate * theta_h2);
       const T volume = multiply_add(volume_height, power_of_two(volume_rate * theta_h2), isotropic) *
                        (others_inverse * rise);
-      // 1 / cos^2 theta_d. Not along the thread.
-      const T spread = smaller(T::all(4) * (inverse_d * inverse_d), T::all(1e8));
+      // 1 / (2 cos theta_d)^2. Not along the thread.
+      const T spread = smaller(inverse_d * inverse_d, T::all(0.25e8));
       const T weight =
           select(less(T::all(1e-16), smaller(square_i, square_r)), seen * cosine_i, zero) * (masked * spread);
-      surface_sum = multiply_add(weight, reflected * surface, surface_sum);
+      surface_sum =
+          multiply_add(weight, (twice_cos_phi * surface) * multiply_add(r_s, r_s, r_p * r_p), surface_sum);
       volume_sum = multiply_add(weight, (entering * entering) * volume, volume_sum);
     }
     const T coverage = T::all(strand.coverage);
-    surface_sum = T::all(0.5 * strand.surface_height) * surface_sum;
-    volume_sum = T::all(4) * volume_sum;
+    surface_sum = T::all(strand.surface_height) * surface_sum; // twos: 4 / (2 2)
+    volume_sum = T::all(16) * volume_sum;
     projected = multiply_add(coverage, seen_sum, projected);
     for (int channel = 0; channel < 3; ++channel)
       value[channel] = multiply_add(
