@@ -126,11 +126,11 @@ SCATTER_FIBER_AVX512 void evaluate_on_avx512(const WeaveConstants& weave, WeaveB
   evaluate_all<Two<Two<Lanes<8>>>>(weave, block);
 }
 SCATTER_FIBER_AVX2 void evaluate_on_avx2(const WeaveConstants& weave, WeaveBlock& block) {
-  evaluate_all<Two<Lanes<4>>>(weave, block);
+  evaluate_all<Two<Two<Lanes<4>>>>(weave, block);
 }
 #endif
 void evaluate_plainly(const WeaveConstants& weave, WeaveBlock& block) {
-  evaluate_all<Two<Lanes<2>>>(weave, block);
+  evaluate_all<Two<Two<Lanes<2>>>>(weave, block);
 }
 
 } // namespace
