@@ -39,6 +39,13 @@ namespace x86 {
 /// Those without a mask are defined by way of a vector that is not initialised, of which GCC 12 warns.
 inline constexpr __mmask8 all_lanes = 0xff;
 
+SCATTER_FIBER_AVX512 inline __m512d all_of_eight(double a) {
+  return _mm512_set1_pd(a);
+}
+SCATTER_FIBER_AVX2 inline __m256d all_of_four(double a) {
+  return _mm256_set1_pd(a);
+}
+
 SCATTER_FIBER_AVX512 inline __m512d multiply_add(__m512d a, __m512d b, __m512d c) {
   return _mm512_fmadd_pd(a, b, c);
 }
@@ -130,7 +137,16 @@ struct Lanes {
 
   Doubles v;
 
-  SCATTER_LANE static Lanes all(double a) { return {Doubles{} + a}; }
+  SCATTER_LANE static Lanes all(double a) {
+#if SCATTER_FIBER_X86_LANES
+    if constexpr (count == 8)
+      return {x86::all_of_eight(a)};
+    else if constexpr (count == 4)
+      return {x86::all_of_four(a)};
+    else
+#endif
+      return {Doubles{} + a};
+  }
   SCATTER_LANE static Lanes load(const double* from) { return {*reinterpret_cast<const Stored*>(from)}; }
   SCATTER_LANE void store(double* to) const { *reinterpret_cast<Stored*>(to) = v; }
 
