@@ -431,20 +431,6 @@ struct Batch {
 
 } // namespace
 
-std::span<const VectorUnit> vector_units() {
-  static const std::vector<VectorUnit> units = [] {
-    std::vector<VectorUnit> found;
-#if SCATTER_X86_VECTORS
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq"))
-      found.push_back({"AVX-512", 8});
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found.push_back({"AVX2", 4});
-#endif
-    found.push_back({"plain", 2});
-    return found;
-  }();
-  return units;
-}
-
 std::vector<Angle> fold_angles(std::span<const double> angles, AngleUnit unit) {
   const bool degrees = unit == AngleUnit::degree;
   // The half turn in the unit of the angles, exactly or as near as a double comes.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <scatter/exact/vector_unit.hpp>
+
 #include <complex>
 #include <cstddef>
 #include <cstdint>
@@ -69,15 +71,6 @@ enum class SumMethod {
   direct,
   fourier ///< by FFT wherever possible: InputError if the angles are no grid of at most 4e6 steps
 };
-
-/// Instructions that the sums are compiled for.
-struct VectorUnit {
-  const char* name;  ///< "AVX-512", "AVX2", "plain"
-  std::size_t width; ///< doubles per vector
-};
-
-/// Those that this machine has, widest first; never empty.
-[[nodiscard]] std::span<const VectorUnit> vector_units();
 
 /// The amplitudes of several sets of coefficients, all of the same count, at the same angles. threads = 0:
 /// all cores. Angles that come with their mirror image pi - theta cost half. Summed directly, each amplitude

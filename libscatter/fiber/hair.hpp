@@ -48,13 +48,13 @@ public:
 
   using FiberScattering::eval;
   [[nodiscard]] Rgb eval(const Angles& angles) const override;
-  /// Many directions at once, on the widest vectors that the processor has: value [colour][direction], 3
+  /// Many directions at once, on vectors: value [colour][direction], 3
   /// times as many as directions. Against eval() relative 1e-12 where phi is 1e-3 rad or more from a caustic
   /// and from the rims of lit azimuths, 1e-15 over the distance where nearer. Sections other than round ones
   /// are evaluated one by one. Throws InputError for NaN and lengths that do not match.
   void eval(
       std::span<const double> theta_i, std::span<const double> theta_o, std::span<const double> phi,
-      std::span<double> value) const;
+      std::span<double> value, const exact::VectorUnit& unit = exact::vector_units()[0]) const;
   [[nodiscard]] double pdf(const Angles& angles) const override;
   /// A lobe by its energy, theta_o by its kernel, phi by the offset h of a ray across the section: no caustic
   /// makes a weight large.

@@ -1,306 +1,391 @@
 // Trigonometry is done away with: gamma is carried as t = tan(gamma / 2), gamma_t by its sine h / eta' and
-// W = eta' cos gamma_t. TRT needs the roots of u(gamma) = 4 gamma_t - 2 gamma = +-|phi|. With V half the
-// angle between u and its maximum, q = sqrt(sin V), negative on the rising side, is smooth and nearly
-// straight in t across the maximum, where u itself turns round: Newton's method on q converges in a few
-// steps from a straight line, also beside the caustic. Directions that have such roots are gathered first, so
-// that every vector is full of them; most directions have none.
+// W = eta' cos gamma_t. TRT needs the roots of u(gamma) = 4 gamma_t - 2 gamma = +-|phi|; u rises to a maximum
+// while eta' < 2 and falls from there to the rim. Steps solve a parabola through value, slope and curvature
+// for the root on the side wanted, so that they converge beside the maximum, where two roots meet, as fast as
+// elsewhere: the error's third power. Starts are within a tenth of the way to the maximum. Directions that
+// have such roots are gathered first, so that every vector is full of them; most directions have none.
+//
+// With c = cos theta_d all of Bravais' numbers come from A = c^2 + eta^2 - 1: eta' = sqrt(A) / c, and what a
+// ray meets at the surface depends on X = c cos gamma and w = c W = sqrt(X^2 + eta^2 - 1) alone.
 
-#include <scatter/exact/vector_clones.hpp>
+#include <scatter/fiber/lane_math.hpp>
 #include <scatter/fiber/ray_section.hpp>
 #include <scatter/fiber/ray_section_kernel.hpp>
 #include <scatter/optics/errors.hpp>
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <numbers>
 #include <stdexcept>
 
 namespace scatter::fiber {
 namespace {
 
-#define SCATTER_FIBER_INLINE [[gnu::always_inline]] inline
+using lane::absolute;
+using lane::inverse;
+using lane::inverse_root;
+using lane::Lanes;
+using lane::power_of_two;
+using lane::quick_root;
+using lane::root;
+using lane::Two;
 
-constexpr std::size_t block = 256; ///< directions at a time: all lists stay in the first cache
-constexpr std::size_t chunk = 64;  ///< problems at a time
-constexpr std::size_t lanes = 8;   ///< of the widest vectors
-constexpr std::size_t most_roots = 3 * block + 2 * lanes + 1; ///< one to write to in vain
-constexpr int few_steps = 6, many_steps = 12;
+constexpr std::size_t block = 256;     ///< directions at a time: all lists stay in the first cache
+constexpr std::size_t most_lanes = 32; ///< that are computed side by side
+constexpr std::size_t most_roots = 3 * block + most_lanes;
+constexpr int steps = 3;
 
-/// exp(x) for x <= 0, relative 3e-16; below -708: 0.
-SCATTER_FIBER_INLINE double exp_of_negative(double x) {
-  constexpr double shift = 6755399441055744.0; // 1.5 2^52: adding it rounds to an integer, in the low bits
-  constexpr double log2_e = 1.4426950408889634074, ln2_high = 0x1.62e42feep-1,
-                   ln2_low = 0x1.a39ef35793c76p-33;
-  const double clamped = x < -708 ? -708 : x;
-  const double shifted = clamped * log2_e + shift, n = shifted - shift;
-  const double r = (clamped - n * ln2_high) - n * ln2_low;
-  // Taylor to r^13 / 13!, |r| <= 0.347
-  double p = 1.0 / 6227020800;
-  p = p * r + 1.0 / 479001600;
-  p = p * r + 1.0 / 39916800;
-  p = p * r + 1.0 / 3628800;
-  p = p * r + 1.0 / 362880;
-  p = p * r + 1.0 / 40320;
-  p = p * r + 1.0 / 5040;
-  p = p * r + 1.0 / 720;
-  p = p * r + 1.0 / 120;
-  p = p * r + 1.0 / 24;
-  p = p * r + 1.0 / 6;
-  p = p * r + 0.5;
-  p = p * r + 1;
-  p = p * r + 1;
-  const auto scale = std::bit_cast<double>((std::bit_cast<std::uint64_t>(shifted) + 1023) << 52);
-  return x < -708 ? 0 : p * scale;
-}
-
-struct Reflection {
-  double reflected, through; ///< means over both polarisations; their sum is 1
+/// Lists of a block.
+struct alignas(64) Directions {
+  double cos_d[block], sine[block], cosine[block]; ///< theta_d's; of |phi| / 2
+  double R[block], TT[block], path[block];         ///< TT before absorption; its path
 };
 
-SCATTER_FIBER_INLINE Reflection fresnel_mean(double eta2, double c) {
-  const double w = std::sqrt(eta2 - 1 + c * c), s = c + w, p = eta2 * c + w;
-  const double is = 1 / s, ip = 1 / p;
-  const double Ts = 4 * c * w * is * is, Tp = 4 * eta2 * c * w * ip * ip;
-  const double rs = (eta2 - 1) * is * is, rp = (eta2 - 1) * (1 - (eta2 + 1) * c * c) * ip * ip;
-  return {0.5 * (rs * rs + rp * rp), 0.5 * (Ts + Tp)};
-}
-
-/// Of one inclination.
-struct Bravais {
-  double excess, square, index; ///< eta'^2 - 1, eta'^2, eta'
-};
-
-SCATTER_FIBER_INLINE Bravais bravais(double eta2, double cos_d) {
-  const double excess = (eta2 - 1) / (cos_d * cos_d);
-  return {excess, 1 + excess, std::sqrt(1 + excess)};
-}
-
-struct Problems {
-  std::uint32_t direction[most_roots];
+/// The TRT rays to be found.
+struct alignas(64) Problems {
   double cos_d[most_roots];
-  double sine[most_roots], cosine[most_roots]; ///< of half the turn wanted, -pi/2 .. pi/2
-  double side[most_roots];                     ///< -1 rising, +1 falling
-  double t[most_roots];                        ///< the root: tan(gamma / 2)
+  double sine[most_roots], cosine[most_roots];    ///< of half the turn wanted, -pi/2 .. pi/2
+  double side[most_roots];                        ///< -1 rising, +1 falling
+  double amplitude[most_roots], path[most_roots]; ///< found: N_2 is amplitude exp(-sigma_a path)
+  std::uint16_t direction[most_roots];
+  std::size_t rays = 0, count = 0; ///< those wanted; with those that fill up the last vectors
 };
 
-/// The turn's maximum; without one (eta' >= 2) the axis, where the turn is 0.
-struct Top {
-  double t, sine, cosine; ///< tan(gamma_c / 2); of u_c / 2
-};
+/// Indices of directions, with room for one write too many.
+struct List {
+  std::uint16_t entry[block + 4];
+  std::size_t count = 0;
 
-SCATTER_FIBER_INLINE Top top_of(const Bravais& b) {
-  // 2 cos gamma = W at the maximum
-  const double cos2 = std::min(b.excess * (1.0 / 3), 1.0), cos_g = std::sqrt(cos2);
-  const double sin_g = std::sqrt(std::max((3 - b.excess) * (1.0 / 3), 0.0));
-  const double W = 2 * cos_g, inverse = 1 / std::min(b.square, 4.0);
-  const double sin_2t = 2 * sin_g * W * inverse, cos_2t = (W - sin_g) * (W + sin_g) * inverse;
-  return {sin_g / (1 + cos_g), sin_2t * cos_g - cos_2t * sin_g, cos_2t * cos_g + sin_2t * sin_g};
-}
-
-/// What the steps of some problems need.
-struct Search {
-  double excess[chunk], inverse_square[chunk], top_sine[chunk], top_cosine[chunk];
-  double sine[chunk], cosine[chunk]; ///< of half the turn wanted
-  double q[chunk];                   ///< sqrt(sin V) there
-  double bent[chunk];                ///< 1: step in q, 0: in u, which has no maximum
-  double low[chunk], high[chunk], t[chunk];
-};
-
-SCATTER_VECTOR_CLONES
-void begin(double eta2, std::size_t count, const Problems& p, std::size_t from, Search& s) {
-  for (std::size_t i = 0; i < count; ++i) {
-    const Bravais b = bravais(eta2, p.cos_d[from + i]);
-    const Top top = top_of(b);
-    const double side = p.side[from + i], sine = p.sine[from + i], cosine = p.cosine[from + i];
-    const double inverse_square = 1 / b.square;
-    const double goal = std::max(top.sine * cosine - top.cosine * sine, 0.0); // sin V
-    const double rim_sine = 2 * inverse_square - 1, rim_cosine = 2 * std::sqrt(b.excess) * inverse_square;
-    const double at_rim = top.sine * rim_cosine - top.cosine * rim_sine;
-    const double end = side > 0 ? at_rim : top.sine, end_t = side > 0 ? 1.0 : 0.0;
-    const double bent = b.excess < 3 ? 1.0 : 0.0;
-    const double share = std::min(goal / std::max(end, 1e-300), 1.0), root = std::sqrt(share);
-    s.t[i] = top.t + (end_t - top.t) * (bent > 0 ? root : share);
-    s.excess[i] = b.excess;
-    s.inverse_square[i] = inverse_square;
-    s.top_sine[i] = top.sine;
-    s.top_cosine[i] = top.cosine;
-    s.sine[i] = sine;
-    s.cosine[i] = cosine;
-    s.q[i] = std::sqrt(goal);
-    s.bent[i] = bent;
-    s.low[i] = side > 0 ? top.t : 0.0;
-    s.high[i] = side > 0 ? 1.0 : top.t;
+  /// from + k for every bit k of four. Without branches, which nothing would predict: what is not wanted is
+  /// overwritten.
+  void append(std::uint32_t four, std::size_t from) {
+    static constexpr auto places = [] {
+      std::array<std::uint64_t, 16> packed{};
+      for (std::uint32_t bits = 0; bits < 16; ++bits)
+        for (std::uint32_t k = 0, shift = 0; k < 4; ++k)
+          if ((bits >> k & 1) != 0) {
+            packed[bits] |= std::uint64_t{k} << shift;
+            shift += 16;
+          }
+      return packed;
+    }();
+    const std::uint64_t entries = places[four] + from * 0x0001'0001'0001'0001U;
+    std::memcpy(entry + count, &entries, sizeof entries);
+    count += static_cast<std::size_t>(std::popcount(four));
   }
+};
+
+/// Which TRT rays there are: those that rise, fall, and fall on the other side.
+struct Rays {
+  List rising, falling, other;
+};
+
+/// Unpolarised; r and T in terms of 1 / (X + w) and 1 / (eta^2 X + w).
+template <class T>
+SCATTER_LANE T reflected(double contrast, const T& X, const T& inverse_s, const T& inverse_p) {
+  const T E = T::all(contrast), rs = E * (inverse_s * inverse_s);
+  const T rp = E * (subtract_product(T::all(1), T::all(contrast + 2) * X, X) * (inverse_p * inverse_p));
+  return T::all(0.5) * multiply_add(rs, rs, rp * rp);
+}
+template <class T>
+SCATTER_LANE T let_through(double contrast, const T& X, const T& w, const T& inverse_s, const T& inverse_p) {
+  return T::all(2) * (X * w) *
+         multiply_add(T::all(contrast + 1) * inverse_p, inverse_p, inverse_s * inverse_s);
 }
 
-SCATTER_VECTOR_CLONES
-void improve(std::size_t count, Search& s, int steps) {
-  for (int step = 0; step < steps; ++step)
-    for (std::size_t i = 0; i < count; ++i) {
-      const double t = s.t[i], inverse = 1 / (1 + t * t), inverse_square = s.inverse_square[i];
-      const double sin_g = 2 * t * inverse, cos_g = (1 - t) * (1 + t) * inverse;
-      const double W = std::sqrt(s.excess[i] + cos_g * cos_g);
-      const double sin_2t = 2 * sin_g * W * inverse_square,
-                   cos_2t = (W - sin_g) * (W + sin_g) * inverse_square;
-      const double sin_u = sin_2t * cos_g - cos_2t * sin_g, cos_u = cos_2t * cos_g + sin_2t * sin_g;
-      // The sine of half the angle by which the turn misses, as one difference.
-      const double miss = sin_u * s.cosine[i] - cos_u * s.sine[i];
-      const double q = std::sqrt(std::max(s.top_sine[i] * cos_u - s.top_cosine[i] * sin_u, 0.0));
-      const double curved = 2 * q / (q + s.q[i] + 1e-300), aim = 1 + s.bent[i] * (curved - 1);
-      const double slope = (2 * cos_g - W) * 2 * inverse; // W d(u/2) / dt
-      const double step_size = miss * W * aim / (slope == 0 ? 1e300 : slope);
-      const double next = t - step_size;
-      s.t[i] = std::min(std::max(next, s.low[i]), s.high[i]);
+/// R, TT without absorption, and which TRT rays there are; lists hold whole vectors.
+template <class T>
+SCATTER_LANE void closed_forms(double contrast, std::size_t count, Directions& d, Rays& rays) {
+  const T E = T::all(contrast), eta2 = T::all(contrast + 1), zero = T::all(0), one = T::all(1);
+  const double twice_eta = 2 * std::sqrt(contrast + 1);
+  for (std::size_t i = 0; i < count; i += T::width) {
+    const T S = T::load(d.sine + i), C = T::load(d.cosine + i), c = T::load(d.cos_d + i);
+    const T c2 = c * c, A = c2 + E, inverse_a = inverse_root(A), a = A * inverse_a,
+            inverse_A = inverse_a * inverse_a;
+    // The light that R comes from meets the surface at |phi| / 2.
+    const T X_0 = c * C, w_0 = root(multiply_add(X_0, X_0, E));
+    const T s_0 = X_0 + w_0, p_0 = multiply_add(eta2, X_0, w_0);
+    // TT: half the deflection has the cosine S and the sine C. D = w - X.
+    const T edge = multiply_subtract(a, S, c),
+            D2 = multiply_add(edge, edge, larger(A * (C * C), T::all(1e-300)));
+    const T inverse_D = inverse_root(D2);
+    const T cos_g = larger(edge, zero) * inverse_D, X_1 = c * cos_g;
+    const T w_1 = a * (subtract_product(a, c, S) * inverse_D);
+    const T s_1 = X_1 + w_1, p_1 = multiply_add(eta2, X_1, w_1);
+    // One division for four quotients.
+    const T sp_0 = s_0 * p_0, sp_1 = s_1 * p_1, both = inverse(sp_0 * sp_1);
+    const T sp_0_inverse = both * sp_1, sp_1_inverse = both * sp_0;
+    (T::all(0.25) * (C * reflected(contrast, X_0, p_0 * sp_0_inverse, s_0 * sp_0_inverse))).store(d.R + i);
+    const T through = let_through(contrast, X_1, w_1, p_1 * sp_1_inverse, s_1 * sp_1_inverse);
+    (T::all(0.25) * (through * through) * (cos_g * w_1) * inverse_D).store(d.TT + i);
+    (T::all(twice_eta) * (w_1 * inverse_A)).store(d.path + i);
+    // TRT. At the turn's maximum cos^2 gamma = (eta'^2 - 1) / 3, the sine of half the turn is
+    // sin^3 gamma / eta'^2; at the rim it is 2 / eta'^2 - 1.
+    const T bend = multiply_subtract(T::all(3), c2, E); // 3 c^2 sin^2 gamma
+    const T square = (S * A) * (S * A);
+    const T room = T::all(27) * (square * c2), highest = bend * (bend * bend);
+    const T rim = multiply_subtract(T::all(2), c2 * inverse_A, one);
+    const std::uint32_t wanted = count - i < T::width ? (1U << (count - i)) - 1 : ~0U;
+    const std::uint32_t rising = wanted & T::bits(less(zero, bend)) & T::bits(less_or_equal(room, highest));
+    const std::uint32_t falling = rising & T::bits(less_or_equal(rim, S));
+    const std::uint32_t other = wanted & T::bits(less_or_equal(S, -rim));
+    for (std::size_t k = 0; k < T::width; k += 4) {
+      rays.rising.append(rising >> k & 15, i + k);
+      rays.falling.append(falling >> k & 15, i + k);
+      rays.other.append(other >> k & 15, i + k);
     }
-}
-
-/// The roots of problems first..last-1, whole vectors.
-void solve(double eta2, std::size_t first, std::size_t last, Problems& p, int steps) {
-  Search search;
-  for (std::size_t from = first; from < last; from += chunk) {
-    const std::size_t n = std::min(chunk, last - from);
-    begin(eta2, n, p, from, search);
-    improve(n, search, steps);
-    std::copy_n(search.t, n, p.t + from);
   }
 }
 
-/// N_2 = amplitude exp(-sigma_a path), summed over the roots by the caller.
-struct Lit {
-  double amplitude[most_roots], path[most_roots];
-};
-
-SCATTER_VECTOR_CLONES
-void light(double eta2, std::size_t count, const Problems& p, Lit& lit) {
-  const double eta = std::sqrt(eta2);
-  for (std::size_t i = 0; i < count; ++i) {
-    const double cos_d = p.cos_d[i];
-    const Bravais b = bravais(eta2, cos_d);
-    const double t = p.t[i], inverse = 1 / (1 + t * t), cos_g = (1 - t) * (1 + t) * inverse;
-    const double W = std::sqrt(b.excess + cos_g * cos_g);
-    const Reflection f = fresnel_mean(eta2, cos_d * cos_g);
-    // 2 cos gamma - W without cancellation; the floor keeps the caustic finite
-    const double gap = std::abs(3 * cos_g * cos_g - b.excess) / (2 * cos_g + W);
-    lit.amplitude[i] = f.through * f.through * f.reflected * cos_g * W / (4 * std::max(gap, 1e-30));
-    const double cos_t = std::sqrt(eta2 - 1 + cos_d * cos_d) / eta;
-    lit.path[i] = 4 * W / (b.index * cos_t);
+/// The problems that rays are, whole vectors of them.
+void gather(const Directions& d, const Rays& rays, std::size_t lanes, Problems& p) {
+  p.count = 0;
+  const auto add = [&](const List& list, double side, double sign) {
+    for (std::size_t k = 0; k < list.count; ++k) {
+      const std::size_t i = list.entry[k], to = p.count + k;
+      p.direction[to] = list.entry[k];
+      p.cos_d[to] = d.cos_d[i];
+      p.sine[to] = sign * d.sine[i];
+      p.cosine[to] = d.cosine[i];
+      p.side[to] = side;
+    }
+    p.count += list.count;
+  };
+  add(rays.rising, -1, 1);
+  add(rays.falling, 1, 1);
+  add(rays.other, 1, -1);
+  p.rays = p.count;
+  for (; p.count % lanes != 0; ++p.count) {
+    p.cos_d[p.count] = p.cosine[p.count] = p.side[p.count] = 1;
+    p.sine[p.count] = 0;
   }
 }
 
-SCATTER_VECTOR_CLONES
-void absorb(std::size_t count, double sigma_a, const double* amplitude, const double* path, double* value) {
-  for (std::size_t i = 0; i < count; ++i) value[i] = amplitude[i] * exp_of_negative(-sigma_a * path[i]);
+/// A ray near the one that turns by 2 asin(sine): t for those that rise or fall from the turn's maximum.
+template <class T>
+SCATTER_LANE T
+near_maximum(const T& excess, const T& inverse_square, const T& sine, const T& cosine, const T& side) {
+  const T one = T::all(1), two = T::all(2), least = T::all(1e-300);
+  // 2 cos gamma = W there; the sine and cosine of half the turn are sin^3 gamma and cos gamma (3 + cos^2
+  // gamma) over eta'^2. Beyond eta' = 2, where there is no maximum, numbers stay finite.
+  const T excess_root = root(excess), cos_g = smaller(excess_root * T::all(0.57735026918962576), one);
+  const T sin_g = root(larger(subtract_product(one, cos_g, cos_g), T::all(1e-30)));
+  const T top_sine = inverse_square * (sin_g * (sin_g * sin_g));
+  const T top_cosine = inverse_square * (cos_g * multiply_add(cos_g, cos_g, T::all(3)));
+  const T top = sin_g * inverse(one + cos_g);
+  // With V, whose sine is the goal, t is top + slope sqrt(V) at first; from there a parabola in sqrt(V) to
+  // the end of the side, the rim or the axis.
+  const T goal = larger(multiply_subtract(top_sine, cosine, top_cosine * sine), least);
+  const T rim_sine = multiply_subtract(two, inverse_square, one),
+          rim_cosine = two * (excess_root * inverse_square);
+  const auto falls = less(T::all(0), side);
+  const T at_rim = multiply_subtract(top_sine, rim_cosine, top_cosine * rim_sine);
+  const T end = larger(select(falls, at_rim, top_sine), least), end_t = select(falls, one, T::all(0));
+  const T share = smaller(goal * rough_inverse(end), one);
+  const T curvature = T::all(8.0 / 3) * (cos_g * rough_inverse(sin_g));
+  const T slope = T::all(0.5) * (side * multiply_add(top, top, one)) * quick_root(curvature * end);
+  return multiply_add(
+      slope, quick_root(larger(share, least)), multiply_add((end_t - top) - slope, share, top));
 }
 
-/// R and TT, and which TRT rays there are: bit 1 rising, 2 falling, 4 falling on the other side.
-SCATTER_VECTOR_CLONES
-void closed_forms(
-    double eta2, std::size_t count, const double* cos_d, const double* sine, const double* cosine,
-    double* __restrict R, double* __restrict TT, double* __restrict path, double* __restrict rays,
-    double* __restrict hard) {
-  const double eta = std::sqrt(eta2);
-  for (std::size_t i = 0; i < count; ++i) {
-    const double S = sine[i], C = cosine[i], c = cos_d[i];
-    const Bravais b = bravais(eta2, c);
-    R[i] = fresnel_mean(eta2, c * C).reflected * C * 0.25;
-    // Half the deflection has the cosine S and the sine C.
-    const double x = b.index * S - 1, D = std::sqrt(x * x + b.square * C * C);
-    const double cos_g = std::max(x, 0.0) / D, W = b.index * (b.index - S) / D;
-    const Reflection f = fresnel_mean(eta2, c * cos_g);
-    TT[i] = f.through * f.through * cos_g * W / (4 * (W - cos_g));
-    path[i] = 2 * W / (b.index * (std::sqrt(eta2 - 1 + c * c) / eta));
-    const Top top = top_of(b);
-    const double rim = 2 / b.square - 1; // sin(u/2) at the rim
-    const double rising = b.excess < 3 ? 1.0 : 0.0, below = S <= top.sine ? rising : 0.0;
-    const double both = S >= rim ? 3.0 : 1.0, other = -S >= rim ? 4.0 : 0.0;
-    rays[i] = below * both + other;
-    // Where the maximum is all but gone the turn is a cubic: more steps.
-    hard[i] = std::abs(b.excess - 3) < 0.3 ? 1.0 : 0.0;
+/// The same for those beyond the axis, where the tangent of half the half turn is nearly a t + b t^3.
+template <class T>
+SCATTER_LANE T beyond_axis(const T& excess, const T& inverse_square, const T& sine, const T& cosine) {
+  const T one = T::all(1), zero = T::all(0), two = T::all(2);
+  const T tangent = larger(sine * rough_inverse(one + cosine), T::all(1e-30));
+  const T square_root = quick_root(inverse_square), a = subtract_product(one, two, square_root);
+  const T at_rim = subtract_product(one, two, inverse_square) *
+                   rough_inverse(multiply_add(two * quick_root(excess), inverse_square, one));
+  const T b = larger(at_rim - a, T::all(1e-12));
+  // t = third y, y^3 + k y = 1, y to some per cent; then a step of Newton's.
+  const T third = rough_cube_root(tangent * rough_inverse(b)), k = a * (third * rough_inverse(tangent));
+  const T up = larger(k, zero), down = larger(-k, zero);
+  const T bottom = multiply_add(up, multiply_add(up, T::all(0.45), T::all(2.0 / 3)), one);
+  const T y_up = bottom * rough_inverse(multiply_add(up, bottom, one));
+  const T y_down = quick_root(down + quick_root(rough_inverse(one + down)));
+  const T t = third * select(less(zero, k), y_up, y_down), b_square = b * (t * t);
+  return multiply_add(two * b_square, t, tangent) * rough_inverse(multiply_add(T::all(3), b_square, a));
+}
+
+/// The rays of all problems, whole vectors.
+template <class T>
+SCATTER_LANE void solve(double contrast, Problems& p) {
+  const T E = T::all(contrast), eta2 = T::all(contrast + 1), zero = T::all(0), one = T::all(1),
+          two = T::all(2);
+  const double four_eta = 4 * std::sqrt(contrast + 1);
+  for (std::size_t i = 0; i < p.count; i += T::width) {
+    const T c = T::load(p.cos_d + i), sine = T::load(p.sine + i), cosine = T::load(p.cosine + i);
+    const T side = T::load(p.side + i);
+    const T c2 = c * c, A = c2 + E, c2_A_inverse = inverse(c2 * A);
+    const T excess = E * (A * c2_A_inverse);           // eta'^2 - 1
+    const T inverse_square = c2 * (c2 * c2_A_inverse); // 1 / eta'^2
+    T t = select(
+        less(sine, zero), beyond_axis(excess, inverse_square, -sine, cosine),
+        near_maximum(excess, inverse_square, sine, cosine, side));
+    t = smaller(larger(t, zero), one);
+#pragma GCC unroll 1
+    for (int step = 0; step < steps; ++step) {
+      const T square = one + t * t, turned = inverse(square);
+      const T sin_g = two * (t * turned), cos_g = ((one - t) * (one + t)) * turned;
+      const T W2 = multiply_add(cos_g, cos_g, excess), W_inverse = inverse_root(W2), W = W2 * W_inverse;
+      // The sine of half the angle by which the turn misses, as one difference.
+      const T with_sine = multiply_add(sin_g, cosine, cos_g * sine);
+      const T with_cosine = multiply_subtract(cos_g, cosine, sin_g * sine);
+      const T miss =
+          inverse_square *
+          multiply_subtract(two * (sin_g * W), with_cosine, ((W - sin_g) * (W + sin_g)) * with_sine);
+      // Derivatives of half the turn by gamma: the first, and -2 times the second.
+      const T first = multiply_subtract(two * cos_g, W_inverse, one);
+      const T second = (T::all(4) * (excess * sin_g)) * (W_inverse * (W_inverse * W_inverse));
+      const T there = root(larger(multiply_add(second, miss, first * first), T::all(1e-300)));
+      const T divisor = subtract_product(first, side, there);
+      const T safe = select(less(absolute(divisor), T::all(1e-140)), T::all(1e140), divisor);
+      const T half = -miss * inverse(safe); // of the change of gamma
+      t = multiply_add(half * square, multiply_add(t, half, one), t);
+      t = smaller(larger(t, zero), one);
+    }
+    const T square = t * t, X = c * (((one - t) * (one + t)) * inverse(one + square));
+    const T w = root(multiply_add(X, X, E)), s = X + w, ps = multiply_add(eta2, X, w);
+    // c^2 (2 cos gamma - W) (2 cos gamma + W); the floor keeps the caustic finite
+    const T gap = larger(absolute(multiply_subtract(T::all(3) * X, X, E)), T::all(1e-30));
+    // One division for all quotients.
+    const T sp = s * ps, rest = (T::all(4) * gap) * c, sp_rest = sp * rest,
+            all_inverse = inverse(sp_rest * A);
+    const T A_inverse = all_inverse * sp_rest, most = all_inverse * A;
+    const T sp_inverse = most * rest, rest_inverse = most * sp;
+    const T inverse_s = ps * sp_inverse, inverse_p = s * sp_inverse;
+    const T through = let_through(contrast, X, w, inverse_s, inverse_p);
+    const T kept = (through * through) * reflected(contrast, X, inverse_s, inverse_p);
+    (kept * ((X * w) * (multiply_add(two, X, w) * rest_inverse))).store(p.amplitude + i);
+    (T::all(four_eta) * (w * A_inverse)).store(p.path + i);
   }
 }
 
-SCATTER_VECTOR_CLONES
-void clenshaw(
-    const double* coefficient, std::size_t terms, std::size_t count, const double* x, double* value) {
-  constexpr std::size_t width = 32;
-  for (std::size_t from = 0; from < count; from += width) {
-    const std::size_t n = std::min(width, count - from);
-    double twice[width] = {}, last[width] = {}, before[width] = {};
-    std::copy_n(x + from, n, twice);
-    for (std::size_t i = 0; i < width; ++i) twice[i] = 4 * std::sqrt(twice[i]) - 2;
-    for (std::size_t k = terms - 1; k > 0; --k)
-      for (std::size_t i = 0; i < width; ++i) {
-        const double next = twice[i] * last[i] - before[i] + coefficient[k];
-        before[i] = last[i];
-        last[i] = next;
-      }
-    for (std::size_t i = 0; i < width; ++i) last[i] = 0.5 * twice[i] * last[i] - before[i] + coefficient[0];
-    std::copy_n(last, n, value + from);
+/// T::width - 1 more than count may be read and written.
+template <class T>
+SCATTER_LANE void copy(const double* from, std::size_t count, double* to) {
+  for (std::size_t i = 0; i < count; i += T::width) T::load(from + i).store(to + i);
+}
+
+/// to[i] = amplitude[i] exp(-sigma_a path[i]); the same of reading and writing.
+template <class T>
+SCATTER_LANE void
+absorb(const double* amplitude, const double* path, double sigma_a, std::size_t count, double* to) {
+  const T rate = T::all(-sigma_a * std::numbers::log2e);
+  for (std::size_t i = 0; i < count; i += T::width)
+    (T::load(amplitude + i) * power_of_two(rate * T::load(path + i))).store(to + i);
+}
+
+/// All of ray_lobes(), T lanes at a time.
+template <class T>
+SCATTER_LANE void
+lobes(double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N) {
+  const std::size_t count = directions.cos_theta_d.size(), colours = sigma_a.size();
+  const double contrast = (eta - 1) * (eta + 1);
+  Directions d;
+  Problems problems;
+  alignas(64) double value[most_roots], part[block];
+  for (std::size_t from = 0; from < count; from += block) {
+    // Whole vectors, filled up where data end: a result then comes from the same instructions whatever stands
+    // beside it.
+    const std::size_t n = std::min(block, count - from), whole = (n + T::width - 1) / T::width * T::width;
+    std::copy_n(&directions.cos_theta_d[from], n, d.cos_d);
+    std::copy_n(&directions.sin_half_phi[from], n, d.sine);
+    std::copy_n(&directions.cos_half_phi[from], n, d.cosine);
+    std::fill(d.cos_d + n, d.cos_d + whole, 1.0);
+    std::fill(d.sine + n, d.sine + whole, 1.0);
+    std::fill(d.cosine + n, d.cosine + whole, 0.0);
+    Rays rays;
+    closed_forms<T>(contrast, n, d, rays);
+    gather(d, rays, 2 * T::width, problems);
+    solve<Two<T>>(contrast, problems);
+    for (std::size_t colour = 0; colour < colours; ++colour) {
+      const auto out = [&](std::size_t order) { return &N[(order * colours + colour) * count + from]; };
+      // Where whole vectors fit, straight to where they belong.
+      double* const TT = whole == n ? out(1) : part;
+      absorb<T>(d.TT, d.path, sigma_a[colour], whole, TT);
+      if (TT == part) std::copy_n(part, n, out(1));
+      if (whole == n)
+        copy<T>(d.R, n, out(0));
+      else
+        std::copy_n(d.R, n, out(0));
+      absorb<T>(problems.amplitude, problems.path, sigma_a[colour], problems.count, value);
+      double* const TRT = out(2);
+      std::fill_n(TRT, n, 0.0);
+      for (std::size_t k = 0; k < problems.rays; ++k) TRT[problems.direction[k]] += value[k];
+    }
   }
+}
+
+/// energy[i] of a series.
+template <class T>
+SCATTER_LANE void
+clenshaw(const std::vector<double>& coefficient, std::size_t count, const double* cosine, double* energy) {
+  for (std::size_t from = 0; from < count; from += T::width) {
+    const std::size_t n = std::min(T::width, count - from);
+    double padded[T::width];
+    std::fill(std::copy_n(cosine + from, n, padded), padded + T::width, 1.0);
+    const T twice = multiply_add(T::all(4), root(T::load(padded)), T::all(-2));
+    T last = T::all(0), before = T::all(0);
+    for (std::size_t k = coefficient.size() - 1; k > 0; --k) {
+      const T next = multiply_add(twice, last, T::all(coefficient[k]) - before);
+      before = last;
+      last = next;
+    }
+    multiply_add(T::all(0.5) * twice, last, T::all(coefficient[0]) - before).store(padded);
+    std::copy_n(padded, n, energy + from);
+  }
+}
+
+#if SCATTER_FIBER_X86_LANES
+using Wide = Two<Lanes<8>>;
+using Medium = Two<Lanes<4>>;
+SCATTER_FIBER_AVX512 void lobes_on_avx512(
+    double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N) {
+  lobes<Wide>(eta, sigma_a, directions, N);
+}
+SCATTER_FIBER_AVX2 void lobes_on_avx2(
+    double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N) {
+  lobes<Medium>(eta, sigma_a, directions, N);
+}
+SCATTER_FIBER_AVX512 void clenshaw_on_avx512(
+    const std::vector<double>& coefficient, std::size_t count, const double* cosine, double* energy) {
+  clenshaw<Wide>(coefficient, count, cosine, energy);
+}
+SCATTER_FIBER_AVX2 void clenshaw_on_avx2(
+    const std::vector<double>& coefficient, std::size_t count, const double* cosine, double* energy) {
+  clenshaw<Medium>(coefficient, count, cosine, energy);
+}
+#endif
+using Narrow = Two<Lanes<2>>;
+void lobes_plainly(
+    double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N) {
+  lobes<Narrow>(eta, sigma_a, directions, N);
+}
+void clenshaw_plainly(
+    const std::vector<double>& coefficient, std::size_t count, const double* cosine, double* energy) {
+  clenshaw<Narrow>(coefficient, count, cosine, energy);
 }
 
 } // namespace
 
 void ray_lobes(
-    double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N) {
-  const std::size_t count = directions.cos_theta_d.size(), colours = sigma_a.size();
+    double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N,
+    const exact::VectorUnit& unit) {
+  const std::size_t count = directions.cos_theta_d.size();
   if (directions.sin_half_phi.size() != count || directions.cos_half_phi.size() != count ||
-      N.size() != 3 * colours * count)
+      N.size() != 3 * sigma_a.size() * count)
     throw std::invalid_argument("ray_lobes: lists of directions and of results do not match");
-  // Every loop runs over whole vectors, filled up where data end: a result then comes from the same
-  // instructions whatever stands beside it.
-  const double eta2 = eta * eta;
-  Problems problems;
-  Lit lit;
-  double c[block], S[block], C[block], R[block], TT[block], path[block], rays[block], hard[block];
-  double value[most_roots];
-  for (std::size_t from = 0; from < count; from += block) {
-    const std::size_t n = std::min(block, count - from);
-    std::copy_n(&directions.cos_theta_d[from], n, c);
-    std::copy_n(&directions.sin_half_phi[from], n, S);
-    std::copy_n(&directions.cos_half_phi[from], n, C);
-    std::fill(c + n, c + block, 1.0);
-    std::fill(S + n, S + block, 1.0);
-    std::fill(C + n, C + block, 0.0);
-    closed_forms(eta2, block, c, S, C, R, TT, path, rays, hard);
-    std::size_t roots = 0;
-    // Without branches, which nothing would predict: what is not wanted is overwritten.
-    const auto gather = [&](std::size_t i, double cos_d, double sine, double cosine, double side,
-                            bool wanted) {
-      problems.direction[roots] = static_cast<std::uint32_t>(i);
-      problems.cos_d[roots] = cos_d;
-      problems.sine[roots] = sine;
-      problems.cosine[roots] = cosine;
-      problems.side[roots] = side;
-      roots += wanted ? 1 : 0;
-    };
-    const auto gather_all = [&](double hardness) {
-      for (std::size_t i = 0; i < n; ++i) {
-        const int which = hard[i] == hardness ? static_cast<int>(rays[i]) : 0;
-        gather(i, c[i], S[i], C[i], -1, (which & 1) != 0);
-        gather(i, c[i], S[i], C[i], 1, (which & 2) != 0);
-        gather(i, c[i], -S[i], C[i], 1, (which & 4) != 0);
-      }
-      while (roots % lanes != 0) gather(block, 1, 0, 1, 1, true);
-    };
-    gather_all(0);
-    const std::size_t easy = roots;
-    gather_all(1);
-    solve(eta2, 0, easy, problems, few_steps);
-    solve(eta2, easy, roots, problems, many_steps);
-    light(eta2, roots, problems, lit);
-    for (std::size_t colour = 0; colour < colours; ++colour) {
-      const auto out = [&](std::size_t order) { return &N[(order * colours + colour) * count + from]; };
-      std::copy_n(R, n, out(0));
-      absorb(block, sigma_a[colour], TT, path, value);
-      std::copy_n(value, n, out(1));
-      absorb(roots, sigma_a[colour], lit.amplitude, lit.path, value);
-      double TRT[block + 1] = {}; // the last is for what filled up
-      for (std::size_t k = 0; k < roots; ++k) TRT[problems.direction[k]] += value[k];
-      std::copy_n(TRT, n, out(2));
-    }
-  }
+#if SCATTER_FIBER_X86_LANES
+  if (unit.width == 8) return lobes_on_avx512(eta, sigma_a, directions, N);
+  if (unit.width == 4) return lobes_on_avx2(eta, sigma_a, directions, N);
+#endif
+  (void)unit;
+  lobes_plainly(eta, sigma_a, directions, N);
 }
 
 ResidualEnergy::ResidualEnergy(double eta, double sigma_a, int first_order) {
@@ -329,10 +414,18 @@ ResidualEnergy::ResidualEnergy(double eta, double sigma_a, int first_order) {
   while (coefficient_.size() > 2 && std::abs(coefficient_.back()) < 2e-15) coefficient_.pop_back();
 }
 
-void ResidualEnergy::evaluate(std::span<const double> cos_theta_d, std::span<double> energy) const {
+void ResidualEnergy::evaluate(
+    std::span<const double> cos_theta_d, std::span<double> energy, const exact::VectorUnit& unit) const {
   if (energy.size() != cos_theta_d.size())
     throw std::invalid_argument("ResidualEnergy: lists of cosines and of energies do not match");
-  clenshaw(coefficient_.data(), coefficient_.size(), cos_theta_d.size(), cos_theta_d.data(), energy.data());
+#if SCATTER_FIBER_X86_LANES
+  if (unit.width == 8)
+    return clenshaw_on_avx512(coefficient_, cos_theta_d.size(), cos_theta_d.data(), energy.data());
+  if (unit.width == 4)
+    return clenshaw_on_avx2(coefficient_, cos_theta_d.size(), cos_theta_d.data(), energy.data());
+#endif
+  (void)unit;
+  clenshaw_plainly(coefficient_, cos_theta_d.size(), cos_theta_d.data(), energy.data());
 }
 
 } // namespace scatter::fiber

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <scatter/exact/vector_unit.hpp>
+
 #include <cmath>
 #include <cstddef>
 #include <span>
@@ -24,9 +26,10 @@ struct RayLobeDirections {
 /// large and finite.
 ///
 /// Unchecked: the caller answers for eta > 1, sigma_a >= 0 and the ranges above. Throws std::invalid_argument
-/// when lengths do not match. Uses the widest vectors that the processor has.
+/// when lengths do not match.
 void ray_lobes(
-    double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N);
+    double eta, std::span<const double> sigma_a, const RayLobeDirections& directions, std::span<double> N,
+    const exact::VectorUnit& unit = exact::vector_units()[0]);
 
 /// Energy of all orders from first_order on against cos theta_d, as a Chebyshev series: the residual lobe's
 /// strength in the same loops.
@@ -48,7 +51,9 @@ public:
     return x * last - before + coefficient_[0];
   }
   /// energy[i] for cos_theta_d[i]; vectorised. Throws std::invalid_argument when lengths do not match.
-  void evaluate(std::span<const double> cos_theta_d, std::span<double> energy) const;
+  void evaluate(
+      std::span<const double> cos_theta_d, std::span<double> energy,
+      const exact::VectorUnit& unit = exact::vector_units()[0]) const;
   [[nodiscard]] std::size_t terms() const { return coefficient_.size(); }
   /// Of Chebyshev's polynomials of 2 sqrt(cos_theta_d) - 1.
   [[nodiscard]] const std::vector<double>& coefficients() const { return coefficient_; }

@@ -279,7 +279,8 @@ Rgb Cloth::eval(const glm::dvec3& light, const glm::dvec3& view) const {
 }
 
 void Cloth::eval(
-    std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value) const {
+    std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value,
+    const exact::VectorUnit& unit) const {
   check_pairs(light, view, value.size());
   if (masking_ != FamilyMasking::none) { // the kernels do not know it
     for (std::size_t pair = 0; pair < light.size(); ++pair) value[pair] = eval(light[pair], view[pair]);
@@ -295,7 +296,7 @@ void Cloth::eval(
         block.view[axis][l] = view[pair][axis];
       }
     }
-    evaluate_block(kernel_->weave, block);
+    evaluate_block(kernel_->weave, block, unit);
     for (std::size_t l = 0; l < count; ++l)
       value[begin + l] = {block.value[0][l], block.value[1][l], block.value[2][l]};
   }

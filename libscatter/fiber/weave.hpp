@@ -1,5 +1,6 @@
 #pragma once
 
+#include <scatter/exact/vector_unit.hpp>
 #include <scatter/fiber/thread.hpp>
 
 #include <array>
@@ -103,7 +104,9 @@ public:
   /// The same for many pairs, without the masking of families on vector instructions: agrees with eval() to
   /// 1e-12 relative. All spans are of one length. Throws InputError as eval(), with the number of the pair,
   /// and std::invalid_argument for unequal lengths.
-  void eval(std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value) const;
+  void eval(
+      std::span<const glm::dvec3> light, std::span<const glm::dvec3> view, std::span<Rgb> value,
+      const exact::VectorUnit& unit = exact::vector_units()[0]) const;
 
   /// Density per solid angle of the light's direction with which sample() picks it; over the whole sphere.
   [[nodiscard]] double pdf(const glm::dvec3& light, const glm::dvec3& view) const;

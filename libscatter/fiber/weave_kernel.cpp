@@ -1,4 +1,3 @@
-#include <scatter/exact/vector_clones.hpp>
 #include <scatter/fiber/lane_math.hpp>
 #include <scatter/fiber/weave_kernel.hpp>
 
@@ -6,151 +5,143 @@ namespace scatter::fiber {
 namespace {
 
 using lane::arc_squared;
+using lane::inverse;
 using lane::inverse_root;
-using lane::larger;
 using lane::power_of_two;
-using lane::smaller;
+using lane::power_of_two_in_range;
 
-/// (1 - u) a b + u min(a, b)
-SCATTER_LANE double blend(double u, double a, double b) {
-  const double product = a * b;
-  return product + u * (smaller(a, b) - product);
+/// Some directions of the block, from the first on, side by side.
+template <class T>
+SCATTER_LANE void evaluate(const WeaveConstants& weave, WeaveBlock& block, std::size_t first) {
+  const auto light = [&](int axis) { return T::load(block.light[axis] + first); };
+  const auto view = [&](int axis) { return T::load(block.view[axis] + first); };
+  const T zero = T::all(0), one = T::all(1);
+  const T z_i = light(2), z_r = view(2);
+  T projected = T::all(weave.gap) * larger(z_r, zero);
+  T value[3] = {zero, zero, zero};
+  // For arcs whose cosine is given: the masking's u is 2^(rate arc^2), 2^-940 at least.
+  const T masking_rate = T::all(-weave.masking_rate);
+  for (std::size_t j = 0; j < weave.count; ++j) {
+    const StrandConstants& strand = weave.strands[j];
+    const T along = T::all(strand.cos_direction), across = T::all(strand.sin_direction);
+    // The directions in the frame of a thread without offset, and what does not depend on the offset.
+    const T t_i = multiply_add(light(0), along, light(1) * across),
+            y_i = subtract_product(light(0) * across, light(1), along);
+    const T t_r = multiply_add(view(0), along, view(1) * across),
+            y_r = subtract_product(view(0) * across, view(1), along);
+    // A direction along a tangent divides by no zero.
+    const T least = T::all(1e-32);
+    const T square_y_i = multiply_add(y_i, y_i, least), square_y_r = multiply_add(y_r, y_r, least);
+    const T t_sum = t_i + t_r, z_sum = z_i + z_r;
+    T apart, nearer_i, nearer_r; // P = x_i x_r apart + min(x_i nearer_i, x_r nearer_r)
+    {
+      const T inverse_i = inverse_root(larger(multiply_add(t_i, t_i, z_i * z_i), T::all(1e-200)));
+      const T inverse_r = inverse_root(larger(multiply_add(t_r, t_r, z_r * z_r), T::all(1e-200)));
+      // The difference of the angles psi does not depend on the offset. |e_i + e_r| / 2 = cos(psi_d / 2).
+      const T t = multiply_add(t_i, inverse_i, t_r * inverse_r),
+              z = multiply_add(z_i, inverse_i, z_r * inverse_r);
+      const T square = larger(multiply_add(t, t, z * z), T::all(1e-200));
+      const T half_cosine = T::all(0.5) * (square * inverse_root(square));
+      const T together = power_of_two_in_range(masking_rate * arc_squared(larger(one - half_cosine, zero)));
+      apart = (one - together) * (inverse_i * inverse_r);
+      nearer_i = together * inverse_i;
+      nearer_r = together * inverse_r;
+    }
+    const T index2 = T::all(strand.contrast + 1), contrast_16 = T::all(16 * strand.contrast);
+    const T surface_rate = T::all(-strand.surface_rate), volume_rate = T::all(-strand.volume_rate);
+    const T volume_height = T::all(strand.volume_height), isotropic = T::all(strand.isotropic);
+    T surface_sum = zero, volume_sum = zero, seen_sum = zero;
+    for (std::size_t k = 0; k < strand.tangents; ++k) {
+      const T c = T::all(strand.cos_offset[k]), s = T::all(strand.sin_offset[k]),
+              share = T::all(strand.share[k]);
+      // Components along the normal of the sample; what faces away is masked.
+      const T x_i = larger(subtract_product(c * z_i, s, t_i), zero);
+      const T x_r = larger(subtract_product(c * z_r, s, t_r), zero);
+      const T square_i = multiply_add(x_i, x_i, square_y_i), square_r = multiply_add(x_r, x_r, square_y_r);
+      const auto [cosine_i, inverse_i] = root_and_inverse(square_i);
+      const auto [cosine_r, inverse_r] = root_and_inverse(square_r);
+      // Sums of sines and cosines are 2 cos theta_d times those of theta_h: no angle is needed.
+      const T cosines = cosine_i + cosine_r, sines = multiply_add(c, t_sum, s * z_sum);
+      const T sines2 = sines * sines;
+      const auto [twice_cos_d, inverse_d] = root_and_inverse(multiply_add(cosines, cosines, sines2));
+      // Unit vectors across the thread; their sum has the length 2 cos(phi_d / 2).
+      const T unit_i = x_i * inverse_i, unit_r = x_r * inverse_r;
+      const T x = unit_i + unit_r, y = multiply_add(y_i, inverse_i, y_r * inverse_r);
+      const T twice_cos_phi = root(multiply_add(x, x, multiply_add(y, y, T::all(1e-200))));
+      const T together = power_of_two_in_range(
+          masking_rate * arc_squared(subtract_product(one, T::all(0.5), twice_cos_phi)));
+      const T product = unit_i * unit_r;
+      const T masked = multiply_add(together, smaller(unit_i, unit_r) - product, product);
+      const T seen = share * multiply_add(x_i * x_r, apart, smaller(x_i * nearer_i, x_r * nearer_r));
+      seen_sum = seen_sum + seen;
+      // Fresnel, unpolarised; the transmitted share without cancellation at grazing incidence. Of incidence
+      // and refraction four times the cosines: quotients have no scale.
+      const T incidence = twice_cos_phi * twice_cos_d;
+      const T inside = root(multiply_add(incidence, incidence, contrast_16));
+      const T sum_s = incidence + inside, sum_p = multiply_add(index2, incidence, inside);
+      // One division for four quotients.
+      const T sums = sum_s * sum_p, rise = twice_cos_d + cosines, others = cosines * rise;
+      const T all_inverse = inverse(sums * others);
+      const T sums_inverse = all_inverse * others, others_inverse = all_inverse * sums;
+      const T inverse_s = sum_p * sums_inverse, inverse_p = sum_s * sums_inverse;
+      const T square_s = inverse_s * inverse_s, square_p = inverse_p * inverse_p;
+      const T r_s = contrast_16 * square_s, r_p = multiply_subtract(index2, incidence, inside) * inverse_p;
+      const T entering = (incidence * inside) * multiply_add(index2, square_p, square_s); // its half
+      // Longitudinal: 1 - cos theta_h = sines^2 / (2 cos theta_d (2 cos theta_d + cosines)).
+      const T theta_h2 = arc_squared((sines2 * inverse_d) * (others_inverse * cosines));
+      const T surface = power_of_two(surface_rate * theta_h2);
+      const T volume = multiply_add(volume_height, power_of_two(volume_rate * theta_h2), isotropic) *
+                       (others_inverse * rise);
+      // 1 / (2 cos theta_d)^2. Not along the thread.
+      const T spread = smaller(inverse_d * inverse_d, T::all(0.25e8));
+      const T weight =
+          select(less(T::all(1e-16), smaller(square_i, square_r)), seen * cosine_i, zero) * (masked * spread);
+      surface_sum =
+          multiply_add(weight, (twice_cos_phi * surface) * multiply_add(r_s, r_s, r_p * r_p), surface_sum);
+      volume_sum = multiply_add(weight, (entering * entering) * volume, volume_sum);
+    }
+    const T coverage = T::all(strand.coverage);
+    surface_sum = T::all(strand.surface_height) * surface_sum; // twos: 4 / (2 2)
+    volume_sum = T::all(16) * volume_sum;
+    projected = multiply_add(coverage, seen_sum, projected);
+    for (int channel = 0; channel < 3; ++channel)
+      value[channel] = multiply_add(
+          coverage, multiply_add(T::all(strand.albedo[channel]), volume_sum, surface_sum), value[channel]);
+  }
+  const auto lit = less(zero, smaller(smaller(z_i, z_r), projected));
+  const T scale = one / select(lit, projected, one);
+  for (int channel = 0; channel < 3; ++channel)
+    select(lit, value[channel] * scale, zero).store(block.value[channel] + first);
 }
 
-/// Sums of one thread's tangents.
-struct alignas(64) Sums {
-  double surface[weave_lanes], volume[weave_lanes], projected[weave_lanes];
-};
+template <class T>
+SCATTER_LANE void evaluate_all(const WeaveConstants& weave, WeaveBlock& block) {
+  for (std::size_t first = 0; first < weave_lanes; first += T::width) evaluate<T>(weave, block, first);
+}
 
-/// The directions in the frame of a thread without offset, and what does not depend on the offset.
-struct alignas(64) InThread {
-  double t_i[weave_lanes], z_i[weave_lanes], y_i[weave_lanes];
-  double t_r[weave_lanes], z_r[weave_lanes], y_r[weave_lanes];
-  double inverse_i[weave_lanes], inverse_r[weave_lanes], together[weave_lanes];
-};
-
-/// One sample of the tangent, between the passes.
-struct alignas(64) InSample {
-  double unit_i[weave_lanes], unit_r[weave_lanes], half2[weave_lanes], cosines[weave_lanes];
-  double cos_h[weave_lanes], sin_h[weave_lanes], cos_d[weave_lanes], inverse_d[weave_lanes],
-      weight[weave_lanes];
-  double surface[weave_lanes], volume[weave_lanes];
-};
+using lane::Lanes;
+using lane::Two;
+#if SCATTER_FIBER_X86_LANES
+SCATTER_FIBER_AVX512 void evaluate_on_avx512(const WeaveConstants& weave, WeaveBlock& block) {
+  evaluate_all<Two<Two<Lanes<8>>>>(weave, block);
+}
+SCATTER_FIBER_AVX2 void evaluate_on_avx2(const WeaveConstants& weave, WeaveBlock& block) {
+  evaluate_all<Two<Two<Lanes<4>>>>(weave, block);
+}
+#endif
+void evaluate_plainly(const WeaveConstants& weave, WeaveBlock& block) {
+  evaluate_all<Two<Two<Lanes<2>>>>(weave, block);
+}
 
 } // namespace
 
-SCATTER_INTEGER_VECTOR_CLONES
-void evaluate_block(const WeaveConstants& weave, WeaveBlock& block) {
-  alignas(64) double projected[weave_lanes], value[3][weave_lanes];
-  for (std::size_t l = 0; l < weave_lanes; ++l) {
-    projected[l] = weave.gap * larger(block.view[2][l], 0);
-    value[0][l] = value[1][l] = value[2][l] = 0;
-  }
-  const double masking_rate = weave.masking_rate;
-  for (std::size_t j = 0; j < weave.count; ++j) {
-    const StrandConstants& strand = weave.strands[j];
-    InThread in;
-    Sums sums;
-    InSample in_sample;
-    const double along = strand.cos_direction, across = strand.sin_direction;
-    for (std::size_t l = 0; l < weave_lanes; ++l) {
-      in.t_i[l] = block.light[0][l] * along + block.light[1][l] * across;
-      in.y_i[l] = block.light[0][l] * across - block.light[1][l] * along;
-      in.z_i[l] = block.light[2][l];
-      in.t_r[l] = block.view[0][l] * along + block.view[1][l] * across;
-      in.y_r[l] = block.view[0][l] * across - block.view[1][l] * along;
-      in.z_r[l] = block.view[2][l];
-      in.inverse_i[l] = inverse_root(larger(in.t_i[l] * in.t_i[l] + in.z_i[l] * in.z_i[l], 1e-200));
-      in.inverse_r[l] = inverse_root(larger(in.t_r[l] * in.t_r[l] + in.z_r[l] * in.z_r[l], 1e-200));
-      // The difference of the angles psi does not depend on the offset. |e_i + e_r| / 2 = cos(psi_d / 2).
-      const double t = in.t_i[l] * in.inverse_i[l] + in.t_r[l] * in.inverse_r[l];
-      const double z = in.z_i[l] * in.inverse_i[l] + in.z_r[l] * in.inverse_r[l];
-      const double square = larger(0.25 * (t * t + z * z), 1e-200);
-      const double half_cosine = square * inverse_root(square);
-      in.together[l] = power_of_two(-masking_rate * arc_squared(larger(1 - half_cosine, 0)));
-      sums.surface[l] = sums.volume[l] = sums.projected[l] = 0;
-    }
-    const double contrast = strand.contrast, index2 = contrast + 1;
-    const double half_surface_height = 0.5 * strand.surface_height, surface_rate = strand.surface_rate;
-    const double volume_height = strand.volume_height, volume_rate = strand.volume_rate;
-    const double isotropic = strand.isotropic;
-    for (std::size_t k = 0; k < strand.tangents; ++k) {
-      const double c = strand.cos_offset[k], s = strand.sin_offset[k], share = strand.share[k];
-      // Three passes, so that several vectors are under way in each: one vector's operations alone wait for
-      // each other most of the time.
-      for (std::size_t l = 0; l < weave_lanes; ++l) {
-        // Components along normal, binormal, tangent of the sample; what faces away is masked.
-        const double x_i = larger(c * in.z_i[l] - s * in.t_i[l], 0);
-        const double x_r = larger(c * in.z_r[l] - s * in.t_r[l], 0);
-        const double y_i = in.y_i[l], y_r = in.y_r[l];
-        const double sin_i = c * in.t_i[l] + s * in.z_i[l], sin_r = c * in.t_r[l] + s * in.z_r[l];
-        const double square_i = larger(x_i * x_i + y_i * y_i, 1e-32);
-        const double square_r = larger(x_r * x_r + y_r * y_r, 1e-32);
-        const double inverse_i = inverse_root(square_i), inverse_r = inverse_root(square_r);
-        const double cos_i = square_i * inverse_i, cos_r = square_r * inverse_r;
-        // Unit vectors across the thread; half their sum has the length cos(phi_d / 2).
-        const double unit_i = x_i * inverse_i, unit_r = x_r * inverse_r;
-        const double x = unit_i + unit_r, y = y_i * inverse_i + y_r * inverse_r;
-        in_sample.half2[l] = larger(0.25 * (x * x + y * y), 1e-200);
-        in_sample.unit_i[l] = unit_i;
-        in_sample.unit_r[l] = unit_r;
-        // Sums of sines and cosines are 2 cos theta_d times those of theta_h: no angle is needed.
-        const double cosines = cos_i + cos_r, sines = sin_i + sin_r;
-        const double square_d = cosines * cosines + sines * sines; // 4 cos^2 theta_d
-        const double inverse_d = inverse_root(square_d);
-        in_sample.cosines[l] = cosines;
-        in_sample.cos_h[l] = cosines * inverse_d;
-        in_sample.sin_h[l] = sines * inverse_d;
-        in_sample.inverse_d[l] = 2 * inverse_d;
-        in_sample.cos_d[l] = 0.5 * square_d * inverse_d;
-        const double seen = share * blend(in.together[l], x_i * in.inverse_i[l], x_r * in.inverse_r[l]);
-        sums.projected[l] += seen;
-        // Not along the thread.
-        in_sample.weight[l] = (smaller(square_i, square_r) > 1e-16 ? seen : 0) * cos_i;
-      }
-      for (std::size_t l = 0; l < weave_lanes; ++l) {
-        const double half2 = in_sample.half2[l];
-        const double half_cosine = smaller(half2 * inverse_root(half2), 1);
-        const double together = power_of_two(-masking_rate * arc_squared(1 - half_cosine));
-        in_sample.weight[l] *= blend(together, in_sample.unit_i[l], in_sample.unit_r[l]);
-        // Fresnel, unpolarised; the transmitted share without cancellation at grazing incidence.
-        const double incidence = smaller(half_cosine * in_sample.cos_d[l], 1);
-        const double inside2 = contrast + incidence * incidence;
-        const double inside = inside2 * inverse_root(inside2);
-        const double first = incidence + inside, second = index2 * incidence + inside;
-        const double inverse = 1 / (first * second);
-        const double first_inverse = second * inverse, second_inverse = first * inverse;
-        const double r_s = contrast * first_inverse * first_inverse;
-        const double r_p = (index2 * incidence - inside) * second_inverse;
-        in_sample.surface[l] = half_cosine * (r_s * r_s + r_p * r_p);
-        const double entering = 2 * incidence * inside *
-                                (first_inverse * first_inverse + index2 * second_inverse * second_inverse);
-        in_sample.volume[l] = entering * entering;
-      }
-      for (std::size_t l = 0; l < weave_lanes; ++l) {
-        const double cos_h = in_sample.cos_h[l], sin_h = in_sample.sin_h[l];
-        const double theta_h2 = arc_squared(smaller(sin_h * sin_h / (1 + cos_h), 1));
-        const double surface = half_surface_height * power_of_two(-surface_rate * theta_h2);
-        const double volume =
-            (volume_height * power_of_two(-volume_rate * theta_h2) + isotropic) / in_sample.cosines[l];
-        const double spread = smaller(in_sample.inverse_d[l] * in_sample.inverse_d[l], 1e8);
-        const double weight = in_sample.weight[l] * spread;
-        sums.surface[l] += weight * (in_sample.surface[l] * surface);
-        sums.volume[l] += weight * (in_sample.volume[l] * volume);
-      }
-    }
-    for (std::size_t l = 0; l < weave_lanes; ++l) {
-      projected[l] += strand.coverage * sums.projected[l];
-      for (int channel = 0; channel < 3; ++channel)
-        value[channel][l] += strand.coverage * (sums.surface[l] + strand.albedo[channel] * sums.volume[l]);
-    }
-  }
-  for (std::size_t l = 0; l < weave_lanes; ++l) {
-    const bool lit = block.light[2][l] > 0 && block.view[2][l] > 0 && projected[l] > 0;
-    const double scale = lit ? 1 / projected[l] : 0;
-    for (int channel = 0; channel < 3; ++channel)
-      block.value[channel][l] = lit ? value[channel][l] * scale : 0;
-  }
+void evaluate_block(const WeaveConstants& weave, WeaveBlock& block, const exact::VectorUnit& unit) {
+#if SCATTER_FIBER_X86_LANES
+  if (unit.width == 8) return evaluate_on_avx512(weave, block);
+  if (unit.width == 4) return evaluate_on_avx2(weave, block);
+#endif
+  (void)unit;
+  evaluate_plainly(weave, block);
 }
 
 } // namespace scatter::fiber

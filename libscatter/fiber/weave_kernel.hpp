@@ -1,5 +1,7 @@
 #pragma once
 
+#include <scatter/exact/vector_unit.hpp>
+
 #include <cstddef>
 
 /// Internal to scatter::fiber: the inner loop of Cloth::eval over blocks of directions.
@@ -32,6 +34,7 @@ struct alignas(64) WeaveBlock {
   double light[3][weave_lanes], view[3][weave_lanes], value[3][weave_lanes];
 };
 
-void evaluate_block(const WeaveConstants& weave, WeaveBlock& block);
+void evaluate_block(
+    const WeaveConstants& weave, WeaveBlock& block, const exact::VectorUnit& unit = exact::vector_units()[0]);
 
 } // namespace scatter::fiber

@@ -365,15 +365,20 @@ TEST(Cloth, ManyAreOneByOne) {
       lights.push_back(direction(95 * u[0], 360 * u[1]));
       views.push_back(direction(95 * u[2], 360 * u[3]));
     }
-    std::vector<Rgb> many(count);
-    cloth.eval(lights, views, many);
     std::vector<Rgb> on_device(count);
     program.eval(lights, views, on_device);
-    for (std::size_t k = 0; k < count; ++k) {
-      const Rgb one = cloth.eval(lights[k], views[k]);
-      for (int c = 0; c < 3; ++c) {
-        EXPECT_NEAR(many[k][c], one[c], 1e-12 * one[c]);
-        EXPECT_NEAR(on_device[k][c], one[c], 1e-12 * one[c]);
+    for (const auto& unit : exact::vector_units()) {
+      std::vector<Rgb> many(count), alone(1);
+      cloth.eval(lights, views, many, unit);
+      for (std::size_t k = 0; k < count; ++k) {
+        const Rgb one = cloth.eval(lights[k], views[k]);
+        for (int c = 0; c < 3; ++c) {
+          EXPECT_NEAR(many[k][c], one[c], 1e-12 * one[c]) << unit.name;
+          EXPECT_NEAR(on_device[k][c], one[c], 1e-12 * one[c]);
+        }
+        // The same bits wherever a pair stands.
+        cloth.eval({&lights[k], 1}, {&views[k], 1}, alone, unit);
+        EXPECT_EQ(alone[0], many[k]) << unit.name;
       }
     }
   }

@@ -173,7 +173,21 @@ TEST(Hair, BatchesAgreeWithEval) {
     phi[1] = pi;
     theta_i[2] = theta_o[2] = pi / 2;
     theta_i[3] = 5; // clamped
-    hair.eval(theta_i, theta_o, phi, value);
+    std::vector<std::vector<double>> values;
+    for (const auto& unit : scatter::exact::vector_units()) {
+      hair.eval(theta_i, theta_o, phi, value, unit);
+      values.push_back(value);
+      // The same bits wherever a direction stands.
+      for (std::size_t first : {1U, 7U, 300U}) {
+        std::vector<double> some(3 * (count - first));
+        hair.eval(
+            std::span(theta_i).subspan(first), std::span(theta_o).subspan(first),
+            std::span(phi).subspan(first), some, unit);
+        for (std::size_t c = 0; c < 3; ++c)
+          for (std::size_t k = first; k < count; ++k)
+            ASSERT_EQ(some[c * (count - first) + k - first], value[c * count + k]) << unit.name << ' ' << k;
+      }
+    }
     for (std::size_t k = 0; k < count; ++k) {
       const Angles at{theta_i[k], theta_o[k], phi[k]};
       const Rgb expected = hair.eval(at);
@@ -187,8 +201,9 @@ TEST(Hair, BatchesAgreeWithEval) {
         distance = std::min(distance, std::abs(around - caustic));
       const double bound = std::max(1e-12, 1e-15 / std::max(distance, 1e-12));
       for (std::size_t c = 0; c < 3; ++c)
-        EXPECT_NEAR(value[c * count + k], expected[c], bound * expected[c] + 1e-290)
-            << k << ": " << theta_i[k] << " " << theta_o[k] << " " << phi[k];
+        for (const std::vector<double>& found : values)
+          EXPECT_NEAR(found[c * count + k], expected[c], bound * expected[c] + 1e-290)
+              << k << ": " << theta_i[k] << " " << theta_o[k] << " " << phi[k];
     }
   }
   const HairScattering hair{HairParameters{}};

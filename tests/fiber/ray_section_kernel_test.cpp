@@ -15,6 +15,8 @@
 namespace {
 
 using namespace scatter::fiber;
+using scatter::exact::vector_units;
+using scatter::exact::VectorUnit;
 constexpr double pi = std::numbers::pi;
 
 struct Directions {
@@ -55,8 +57,11 @@ TEST(RayLobes, AreThoseOfRaySection) {
   const Directions directions = any_directions(12000, 5);
   const std::vector<double> sigma_a{0, 0.2, 3};
   for (const double eta : {1.05, 1.345, 1.55, 1.9999, 2.3}) {
-    std::vector<double> N(3 * sigma_a.size() * directions.phi.size());
-    ray_lobes(eta, sigma_a, directions.view(), N);
+    std::vector<std::vector<double>> found;
+    for (const VectorUnit& unit : vector_units()) {
+      found.emplace_back(3 * sigma_a.size() * directions.phi.size());
+      ray_lobes(eta, sigma_a, directions.view(), found.back(), unit);
+    }
     std::size_t lit[3] = {};
     for (std::size_t colour = 0; colour < sigma_a.size(); ++colour) {
       const RaySection section(eta, sigma_a[colour]);
@@ -64,10 +69,13 @@ TEST(RayLobes, AreThoseOfRaySection) {
         for (std::size_t i = 0; i < directions.phi.size(); ++i) {
           const double theta_d = directions.theta_d[i], phi = directions.phi[i];
           const double expected = section.distribution(static_cast<int>(order), theta_d, phi);
-          const double found = N[(order * sigma_a.size() + colour) * directions.phi.size() + i];
           const double away = distance(section, static_cast<int>(order), theta_d, phi);
-          ASSERT_NEAR(found, expected, 1e-12 * expected * std::max(1.0, 5e-3 / away) + 1e-22)
-              << eta << " order " << order << " theta_d " << theta_d << " phi " << phi;
+          for (std::size_t u = 0; u < found.size(); ++u)
+            ASSERT_NEAR(
+                found[u][(order * sigma_a.size() + colour) * directions.phi.size() + i], expected,
+                1e-12 * expected * std::max(1.0, 5e-3 / away) + 1e-22)
+                << vector_units()[u].name << ' ' << eta << " order " << order << " theta_d " << theta_d
+                << " phi " << phi;
           lit[order] += expected > 0 ? 1 : 0;
         }
     }
@@ -79,13 +87,23 @@ TEST(RayLobes, AreThoseOfRaySection) {
 TEST(RayLobes, DoNotDependOnTheirCompany) {
   const Directions directions = any_directions(1000, 9);
   const std::vector<double> sigma_a{0.2};
-  std::vector<double> all(3000);
-  ray_lobes(1.55, sigma_a, directions.view(), all);
-  for (std::size_t i = 0; i < 1000; i += 37) {
-    std::vector<double> alone(3);
-    ray_lobes(
-        1.55, sigma_a, {{&directions.cosine[i], 1}, {&directions.S[i], 1}, {&directions.C[i], 1}}, alone);
-    for (std::size_t order = 0; order < 3; ++order) EXPECT_EQ(alone[order], all[order * 1000 + i]);
+  for (const VectorUnit& unit : vector_units()) {
+    std::vector<double> all(3000);
+    ray_lobes(1.55, sigma_a, directions.view(), all, unit);
+    for (std::size_t i = 0; i < 1000; ++i) {
+      // Alone, and as the last one behind others.
+      const std::size_t first = i - i % 39;
+      for (const std::size_t from : {i, first}) {
+        const std::size_t count = i + 1 - from;
+        std::vector<double> some(3 * count);
+        ray_lobes(
+            1.55, sigma_a,
+            {{&directions.cosine[from], count}, {&directions.S[from], count}, {&directions.C[from], count}},
+            some, unit);
+        for (std::size_t order = 0; order < 3; ++order)
+          ASSERT_EQ(some[(order + 1) * count - 1], all[order * 1000 + i]) << unit.name << ' ' << i;
+      }
+    }
   }
 }
 
@@ -97,8 +115,11 @@ TEST(RayLobes, AreFiniteAtTheEnds) {
   directions.add(0, section.caustics(2, 0)[0]);
   const std::vector<double> sigma_a{0, 1e9};
   std::vector<double> N(6 * directions.phi.size());
-  ray_lobes(1.55, sigma_a, directions.view(), N);
-  for (const double value : N) EXPECT_TRUE(value >= 0 && std::isfinite(value));
+  for (const VectorUnit& unit : vector_units())
+    for (const double eta : {1 + 1e-15, 1 + 1e-9, 1.55, 2.0, 10.0}) {
+      ray_lobes(eta, sigma_a, directions.view(), N, unit);
+      for (const double value : N) EXPECT_TRUE(value >= 0 && std::isfinite(value)) << unit.name << ' ' << eta;
+    }
   EXPECT_THROW(ray_lobes(1.55, sigma_a, directions.view(), {N.data(), 5}), std::invalid_argument);
 }
 
@@ -112,7 +133,11 @@ TEST(ResidualEnergy, IsThatOfRaySection) {
       std::vector<double> cosine, at_once(101);
       for (int i = 0; i < 101; ++i)
         cosine.push_back(i % 2 == 0 ? 1 - unit(random) : std::pow(10, -6 * unit(random)));
-      fitted.evaluate(cosine, at_once);
+      for (const VectorUnit& vectors : vector_units()) {
+        fitted.evaluate(cosine, at_once, vectors);
+        for (std::size_t i = 0; i < cosine.size(); ++i)
+          EXPECT_NEAR(at_once[i], fitted(cosine[i]), 1e-14) << vectors.name;
+      }
       for (std::size_t i = 0; i < cosine.size(); ++i) {
         const double expected = section.residual_energy(3, std::acos(cosine[i]));
         EXPECT_NEAR(fitted(cosine[i]), expected, 1e-12) << eta << " " << sigma_a << " " << cosine[i];

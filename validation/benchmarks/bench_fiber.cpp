@@ -1,5 +1,6 @@
 // How many directions a second fibres are evaluated in: cloth/* threads and fabrics, hair/* hair.
 
+#include "peak.hpp"
 #include <scatter/compute/device.hpp>
 #include <scatter/fiber/artist_hair.hpp>
 #include <scatter/fiber/cloth_program.hpp>
@@ -12,6 +13,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <random>
 #include <string>
 #include <vector>
@@ -210,6 +212,9 @@ int main(int argc, char** argv) {
   benchmark::RegisterBenchmark("hair/tables", hair_tables)->Unit(benchmark::kMillisecond);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  std::fprintf(
+      stderr, "Measured peak of one core: %.0f GFLOP/s in double precision (%s)\n", measure_peak() / 1e9,
+      exact::vector_units()[0].name);
   benchmark::RunSpecifiedBenchmarks();
   return 0;
 }

@@ -28,6 +28,31 @@ FORCE_INLINE void fresnel_mean(double eta2, real c, real *reflected, real *throu
   *through = 0.5 * (Ts + Tp);
 }
 
+// Near the ray that turns by 2 asin(sine), on the side of the turn's maximum that is wanted.
+FORCE_INLINE real near_maximum(
+    real cos_top, real sin_top, real top_sine, real top_cosine, real rim_sine, real rim_cosine, real sine, real cosine,
+    double side) {
+  const real top = sin_top / (1.0 + cos_top);
+  const real goal = fmax(top_sine * cosine - top_cosine * sine, 0.0);
+  const real end = fmax(side > 0 ? top_sine * rim_cosine - top_cosine * rim_sine : top_sine, 1e-300);
+  const real share = fmin(goal / end, 1.0);
+  const real slope = 0.5 * side * (1.0 + top * top) * sqrt((8.0 / 3) * cos_top / sin_top * end);
+  return top + slope * sqrt(share) + ((side > 0 ? 1.0 : 0.0) - top - slope) * share;
+}
+
+// The same for rays beyond the axis: y^3 + k y = 1 to some per cent, then a step of Newton's.
+FORCE_INLINE real beyond_axis(real inverse_square, real rim_sine, real rim_cosine, real sine, real cosine) {
+  const real tangent = fmax(sine / (1.0 + cosine), 1e-30), a = 1.0 - 2.0 * sqrt(inverse_square);
+  const real b = fmax(-rim_sine / (1.0 + rim_cosine) - a, 1e-12);
+  const real bits = convert_double8(as_long8(tangent / b) >> 32);
+  const real third = 0.972 * as_double8(convert_long8(bits * (1.0 / 3) + 715128832.0) << 32);
+  const real k = a * third / tangent, up = fmax(k, 0.0), down = fmax(-k, 0.0);
+  const real bottom = 1.0 + up * (2.0 / 3 + 0.45 * up);
+  const real y = k > 0.0 ? bottom / (1.0 + up * bottom) : sqrt(down + 1.0 / sqrt(1.0 + down));
+  const real t = third * y, b2 = b * t * t;
+  return (2.0 * b2 * t + tangent) / (3.0 * b2 + a);
+}
+
 // exp(x) for x <= 0; down to exp(-700), so that products stay clear of denormal numbers.
 FORCE_INLINE real exp_of_negative(real x) { return exp(fmax(x, -700.0)); }
 
@@ -83,41 +108,34 @@ __kernel void hair(
   const real path_tt = 2.0 * W_tt / (index * cos_inside);
 
   // The turn's maximum.
-  const real cos_top = sqrt(fmin(excess * (1.0 / 3), 1.0)), sin_top = sqrt(fmax((3.0 - excess) * (1.0 / 3), 0.0));
-  const real W_top = 2.0 * cos_top, inverse_top = 1.0 / fmin(square, 4.0);
-  const real sin_2t_top = 2.0 * sin_top * W_top * inverse_top,
-             cos_2t_top = (W_top - sin_top) * (W_top + sin_top) * inverse_top;
-  const real top_t = sin_top / (1.0 + cos_top), top_sine = sin_2t_top * cos_top - cos_2t_top * sin_top,
-             top_cosine = cos_2t_top * cos_top + sin_2t_top * sin_top;
-  const real inverse_square = 1.0 / square;
-  const real rim_sine = 2.0 * inverse_square - 1.0, rim_cosine = 2.0 * sqrt(excess) * inverse_square;
-  const mask bent = excess < 3.0;
-  const int steps = any(fabs(excess - 3.0) < 0.3) ? 12 : 6;
+  const real inverse_square = 1.0 / square, excess_root = sqrt(excess);
+  const real cos_top = fmin(excess_root * 0.57735026918962576, 1.0), sin_top = sqrt(fmax(1.0 - cos_top * cos_top, 1e-30));
+  const real top_sine = inverse_square * sin_top * sin_top * sin_top,
+             top_cosine = inverse_square * cos_top * (3.0 + cos_top * cos_top);
+  const real rim_sine = 2.0 * inverse_square - 1.0, rim_cosine = 2.0 * excess_root * inverse_square;
 
   real TRT[3] = {0.0, 0.0, 0.0};
   // Rising, falling, falling on the other side.
   for (int branch = 0; branch < 3; ++branch) {
     const real sine = branch == 2 ? -S : S;
-    const mask below = bent & (S <= top_sine);
+    const double side = branch > 0 ? 1.0 : -1.0;
+    const mask below = (excess < 3.0) & (S <= top_sine);
     const mask lit = branch == 0 ? below : branch == 1 ? below & (S >= rim_sine) : -S >= rim_sine;
     if (!any(lit)) continue;
-    const real goal = fmax(top_sine * C - top_cosine * sine, 0.0);
-    const real end = branch > 0 ? top_sine * rim_cosine - top_cosine * rim_sine : top_sine;
-    const real share = fmin(goal / fmax(end, 1e-300), 1.0), goal_root = sqrt(goal);
-    const real end_t = branch > 0 ? 1.0 : 0.0;
-    const real low = branch > 0 ? top_t : (real)0.0, high = branch > 0 ? (real)1.0 : top_t;
-    real t = top_t + (end_t - top_t) * (bent ? sqrt(share) : share);
-    for (int step = 0; step < steps; ++step) {
-      const real inverse = 1.0 / (1.0 + t * t);
-      const real sin_g = 2.0 * t * inverse, cos_g = (1.0 - t) * (1.0 + t) * inverse;
-      const real W = sqrt(excess + cos_g * cos_g);
-      const real sin_2t = 2.0 * sin_g * W * inverse_square, cos_2t = (W - sin_g) * (W + sin_g) * inverse_square;
-      const real sin_u = sin_2t * cos_g - cos_2t * sin_g, cos_u = cos_2t * cos_g + sin_2t * sin_g;
-      const real miss = sin_u * C - cos_u * sine;
-      const real q = sqrt(fmax(top_sine * cos_u - top_cosine * sin_u, 0.0));
-      const real aim = bent ? 2.0 * q / (q + goal_root + 1e-300) : (real)1.0;
-      const real slope = (2.0 * cos_g - W) * 2.0 * inverse;
-      t = fmin(fmax(t - miss * W * aim / (slope == 0.0 ? (real)1e300 : slope), low), high);
+    real t = branch < 2 ? near_maximum(cos_top, sin_top, top_sine, top_cosine, rim_sine, rim_cosine, S, C, side)
+                        : beyond_axis(inverse_square, rim_sine, rim_cosine, S, C);
+    t = clamp(t, 0.0, 1.0);
+    for (int step = 0; step < 3; ++step) {
+      const real more = 1.0 + t * t, turned = 1.0 / more;
+      const real sin_g = 2.0 * t * turned, cos_g = (1.0 - t) * (1.0 + t) * turned;
+      const real W = sqrt(excess + cos_g * cos_g), W_inverse = 1.0 / W;
+      const real with_sine = sin_g * C + cos_g * sine, with_cosine = cos_g * C - sin_g * sine;
+      const real miss = inverse_square * (2.0 * sin_g * W * with_cosine - (W - sin_g) * (W + sin_g) * with_sine);
+      const real slope = 2.0 * cos_g * W_inverse - 1.0;
+      const real bend = 4.0 * excess * sin_g * W_inverse * W_inverse * W_inverse;
+      const real divisor = slope - side * sqrt(fmax(slope * slope + bend * miss, 0.0));
+      const real half_change = fabs(divisor) < 1e-140 ? (real)0.0 : -miss / divisor;
+      t = clamp(t + half_change * more * (1.0 + t * half_change), 0.0, 1.0);
     }
     const real inverse = 1.0 / (1.0 + t * t), cos_g = (1.0 - t) * (1.0 + t) * inverse;
     const real W = sqrt(excess + cos_g * cos_g);
