@@ -23,7 +23,8 @@ using fiber::Rgb;
 
 /// The options as typed.
 struct Texts {
-  std::string fabric, params, directions, samples = "64", variant = "printed", output = "-";
+  std::string fabric, params, directions, samples = "64", variant = "printed", family_masking = "none",
+                                          output = "-";
 };
 
 /// What both verbs write.
@@ -64,15 +65,19 @@ void write(
 void run_cloth(const Texts& texts, const Context& context) {
   const int samples = static_cast<int>(whole_number("--samples", texts.samples, 1, 100000));
   const auto lobe = read("--variant", texts.variant, fiber::parse_surface_lobe);
+  const auto masking = read("--family-masking", texts.family_masking, fiber::parse_family_masking);
   const fiber::Fabric fabric = read("--fabric", texts.fabric, fiber::load_fabric);
   const DirectionPairs pairs = read_directions(texts.directions, "scatter fiber cloth");
   ExactOutput output(texts.output);
 
-  const fiber::Cloth cloth(fabric.weave, samples, lobe);
+  const fiber::Cloth cloth(fabric.weave, samples, lobe, masking);
   const auto start = std::chrono::steady_clock::now();
   Result result;
   result.values.resize(pairs.light.size());
   cloth.eval(pairs.light, pairs.view, result.values);
+  result.columns = {"gap"};
+  result.beside.resize(1);
+  for (const glm::dvec3& view : pairs.view) result.beside[0].push_back(cloth.open(view));
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.method = "threads along tangent curves, masked and reweighted";
   spdlog::info(
@@ -81,11 +86,13 @@ void run_cloth(const Texts& texts, const Context& context) {
   nlohmann::ordered_json json;
   json["fabric"] = fabric.name;
   json["variant"] = texts.variant;
+  json["family_masking"] = texts.family_masking;
   json["samples"] = samples;
   Constants constants{
       {"fabric", fabric.name},
       {"source", fabric.source},
       {"variant", texts.variant},
+      {"family_masking", texts.family_masking},
       {"samples", fmt::format("{}", samples)},
       {"masking_deg", fmt::format("{:.12g}", fabric.weave.masking_width / radians_per_degree)}};
   write(output, std::move(json), pairs, result, constants, context.command_line);
@@ -161,11 +168,19 @@ void add_fiber_cloth(CLI::App& fiber, Context& context) {
   cloth->add_option("--samples", texts->samples, "Samples of every tangent curve, 1 to 100000 [64]")
       ->type_name("N")
       ->group("Method");
+  cloth
+      ->add_option(
+          "--family-masking", texts->family_masking,
+          "Whether threads of one direction hide those of another: none, as in the dissertation, or crowns "
+          "[none]")
+      ->type_name("NAME")
+      ->group("Method");
   cloth->footer("Frame: thread 1 along x, thread 2 along y, normal z; directions point away from the cloth. "
                 "\"value\": red, "
                 "green,\nblue; times radiance and solid angle of the light it is the radiance toward the "
                 "view (the cosine is "
-                "in it).\nIt is 0 for light or view at or below the cloth (z <= 0).\n"
+                "in it).\n\"gap\" is the share of what is behind the cloth that the view sees.\nIt is 0 for "
+                "light or view at or below the cloth (z <= 0).\n"
                 "Example: scatter fiber cloth --fabric polyester-satin-front --directions pairs.json");
   cloth->callback([texts, &context] { run_cloth(*texts, context); });
 

@@ -108,6 +108,16 @@ std::vector<double> sample_curve(const TangentCurve& curve, int count) {
   return offsets;
 }
 
+FamilyMasking parse_family_masking(const std::string& name) {
+  for (const auto masking : {FamilyMasking::none, FamilyMasking::crowns})
+    if (name == family_masking_name(masking)) return masking;
+  throw InputError(quote(name) + " is no masking of families: use none or crowns");
+}
+
+const char* family_masking_name(FamilyMasking masking) {
+  return masking == FamilyMasking::none ? "none" : "crowns";
+}
+
 void check(const Weave& weave, const std::string& where) {
   if (weave.threads.empty()) refuse(where, "threads: none; a weave has one or more");
   if (!(weave.masking_width >= 5 * radians_per_degree * (1 - slack) &&

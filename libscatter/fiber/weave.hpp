@@ -48,6 +48,10 @@ enum class FamilyMasking {
   crowns, ///< by the crowns of the other families, Cloth::unmasked()
 };
 
+/// "none" or "crowns". Throws InputError that lists both.
+[[nodiscard]] FamilyMasking parse_family_masking(const std::string& name);
+[[nodiscard]] const char* family_masking_name(FamilyMasking masking);
+
 /// Throws InputError for what check(ThreadParameters) refuses, coverages outside 0..1 or with a sum above 1,
 /// offsets beyond 90 deg, lengths that are negative, all zero or not one fewer than offsets, a masking width
 /// outside 5..45 deg, and no thread at all. The message begins with `where` and names thread (from 1) and

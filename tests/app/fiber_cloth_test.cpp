@@ -82,6 +82,25 @@ TEST_F(FiberCloth, JsonOnStandardOutputIsTheLibrarys) {
   }
 }
 
+TEST_F(FiberCloth, FamiliesHideEachOtherWhenAsked) {
+  const std::string low =
+      R"([{"light": [0.9, 0.3, 0.31622776601683794], "view": [-0.3, 0.9, 0.31622776601683794]}])";
+  const auto value = [&](const std::string& masking) {
+    const Outcome outcome = cloth("linen-plain", low, {"--family-masking", masking, "--output", "-"});
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    const json out = json::parse(outcome.output);
+    EXPECT_EQ(out.at("family_masking"), masking);
+    return out.at("value").at(0).get<fiber::Rgb>();
+  };
+  const fiber::Rgb none = value("none"), crowns = value("crowns");
+  EXPECT_GT(crowns[0], 0);
+  EXPECT_LT(crowns[0], none[0]);
+  const Outcome wrong = cloth("linen-plain", two_pairs, {"--family-masking", "all", "--output", "-"});
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(
+      wrong.errors, HasSubstr("--family-masking: \"all\" is no masking of families: use none or crowns"));
+}
+
 TEST_F(FiberCloth, OwnFabricWithOptionsAndCsv) {
   const std::string file = write("own.json", plain_fabric), table = folder_.file("out.csv");
   const Outcome outcome =
@@ -97,14 +116,15 @@ TEST_F(FiberCloth, OwnFabricWithOptionsAndCsv) {
   for (std::string line; std::getline(stream, line);)
     if (line[0] != '#') rows.push_back(line);
   ASSERT_EQ(rows.size(), 3u);
-  EXPECT_EQ(rows[0], "light_x,light_y,light_z,view_x,view_y,view_z,red,green,blue");
+  EXPECT_EQ(rows[0], "light_x,light_y,light_z,view_x,view_y,view_z,gap,red,green,blue");
   for (std::size_t k = 0; k < 2; ++k) {
     std::vector<double> numbers;
     std::stringstream row(rows[k + 1]);
     for (std::string field; std::getline(row, field, ',');) numbers.push_back(std::stod(field));
-    ASSERT_EQ(numbers.size(), 9u);
+    ASSERT_EQ(numbers.size(), 10u);
     EXPECT_EQ(numbers[0], lights[k].x);
-    for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(numbers[6 + c], expected[k][c]);
+    EXPECT_EQ(numbers[6], own.open(views[k]));
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(numbers[7 + c], expected[k][c]);
   }
 }
 
