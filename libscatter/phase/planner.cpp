@@ -19,10 +19,11 @@ namespace cost {
 constexpr double job = 0.3;       ///< device, kernels, tables
 constexpr double ray = 15e-9;     ///< per ray and order, with its patch
 constexpr double hit = 30e-9;     ///< per direction and order
-constexpr double window = 0.25;   ///< of the integral, at x = 5000
+constexpr double window = 0.03;   ///< of the integral, at x = 5000, times the order to the power of 2.5
 constexpr double rings = 0.12;    ///< of the integral along lines of constant azimuth, at x = 5000 ..
 constexpr double column = 0.004;  ///< .. and per azimuth
-constexpr double estimate = 4e-8; ///< of the error: per unit of x, order and 100 angles
+constexpr double estimate = 0.15; ///< of the error, per order, of a sphere of x = 5000
+constexpr double shadow = 4e-7;   ///< order 0 of the integral, per direction
 } // namespace cost
 
 /// Columns that are computed: mirror images and what is axisymmetric share one.
@@ -47,6 +48,21 @@ double windows(const Request& request, double columns) {
 double last_order_by_columns(const Request& request) {
   const double flattening = std::abs(1 - request.shape.axis_ratio());
   return flattening < 1e-9 ? 1e9 : std::max(0.04 / flattening, flattening < 0.06 ? 2.0 : 0.0);
+}
+
+/// Whether the order's bow or grazing rays lie within the angles asked for, as on the sphere, give or take
+/// what the drop is flat by.
+bool has_caustic(const Request& request, int order, double mean_m) {
+  const double n = refractive_index(request.index, mean_m).real();
+  const double margin = 6 + 100 * order * std::abs(1 - request.shape.axis_ratio());
+  const auto asked = [&](double cos_incidence) {
+    const double alpha = std::acos(cos_incidence), beta = std::asin(std::sin(alpha) / n);
+    const double deflection = pi * (order - 1) + 2 * (alpha - order * beta);
+    const double theta = std::acos(std::cos(deflection)) / radians_per_degree;
+    return theta > request.theta_deg.front() - margin && theta < request.theta_deg.back() + margin;
+  };
+  const double cos2 = order > 1 ? (n * n - 1) / (order * order - 1.0) : 1.0;
+  return asked(0) || (cos2 < 1 && asked(std::sqrt(cos2)));
 }
 
 std::string orders_text(const std::vector<int>& orders) {
@@ -83,10 +99,18 @@ Prediction predict(const Request& request, const ErrorModel& errors) {
                 cost::hit * rows * columns * static_cast<double>(request.orders.size());
   if (request.diffraction == Diffraction::integral)
     for (const int order : request.orders)
-      each += (x / 5000) * (order <= last_order_by_columns(request)
-                                ? cost::rings + cost::column * columns
-                                : cost::window * (columns == 1 ? 0.2 : 1) * windows(request, columns));
-  const double judged = std::min(wavelengths, 3.0) * cost::estimate * x * orders * rows / 100;
+      if (order > 0 && has_caustic(request, order, mean_m))
+        each += (x / 5000) * (order <= last_order_by_columns(request)
+                                  ? cost::rings + cost::column * columns
+                                  : cost::window * std::pow(order, 2.5) * (columns == 1 ? 0.2 : 1) *
+                                        windows(request, columns));
+  if (request.diffraction == Diffraction::integral && request.orders.front() == 0)
+    each += cost::shadow * rows * columns;
+  const double range_deg = request.theta_deg.back() - request.theta_deg.front();
+  const double sphere =
+      std::min(x, std::clamp(2.4e5 / (range_deg + 4), 2000.0, 1e4)) / 5000; // see Truncation
+  const double judged =
+      std::min(wavelengths, 3.0) * cost::estimate * orders * (sphere * sphere + range_deg / 270);
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());
   const double cores = request.threads > 0 ? std::min<double>(request.threads, all) : all;
   Prediction made;
