@@ -108,7 +108,7 @@ Prediction predict(const Request& request, const ErrorModel& errors) {
     each += cost::shadow * rows * columns;
   const double range_deg = request.theta_deg.back() - request.theta_deg.front();
   const double sphere =
-      std::min(x, std::clamp(1.2e5 / (range_deg + 4), 2000.0, 1e4)) / 5000; // see Truncation
+      std::min(x, std::clamp(2.4e5 / (range_deg + 4), 2000.0, 1e4)) / 5000; // see Truncation
   const double judged =
       std::min(wavelengths, 3.0) * cost::estimate * orders * (sphere * sphere + range_deg / 270);
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());

@@ -12,7 +12,7 @@ namespace {
 /// in, so that it takes about a second at most.
 double judged_size(double size_parameter, std::span<const double> theta_deg) {
   const double range_deg = theta_deg.back() - theta_deg.front() + 4;
-  return std::min(size_parameter, std::clamp(1.2e5 / range_deg, 2000.0, 1e4));
+  return std::min(size_parameter, std::clamp(2.4e5 / range_deg, 2000.0, 1e4));
 }
 
 constexpr int highest_order = 60;

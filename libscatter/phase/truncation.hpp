@@ -13,8 +13,8 @@ class Truncation {
 public:
   /// theta_deg increasing, in [0, 180]. Orders 0..min(last_order, 60) are at hand. shift_deg: how far the
   /// bows of a drop that is no sphere may lie from the sphere's; errors are the worst within it. Larger
-  /// spheres count as x = 10000 over 8 deg, 5000 over 20 deg, 2000 over 56 deg and more. threads = 0: all
-  /// cores. Source: exact::debye.
+  /// spheres count as x = 10000 over 20 deg, down to x = 2000 over 116 deg and more. threads = 0: all cores.
+  /// Source: exact::debye.
   Truncation(
       double size_parameter, std::complex<double> index, std::span<const double> theta_deg, int last_order,
       double shift_deg, int threads = 0);
