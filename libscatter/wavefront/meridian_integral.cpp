@@ -37,8 +37,8 @@ namespace {
 
 using compute::with_arguments;
 
-constexpr double band_deg = 12;
-constexpr int ray_lanes = 16; ///< RAY_LANES of the kernels
+constexpr double band_deg = 12; ///< of scattering angles summed together
+constexpr int ray_lanes = 16;   ///< RAY_LANES of the kernels
 /// Columns whose searched rays are in memory together.
 constexpr std::size_t columns_at_once = 512;
 /// Rays on a ring: at first, and at most.
@@ -51,6 +51,7 @@ constexpr double most_turned_back = 0.2;
 /// Away from the rim the determinant of (momentum, azimuth) falls to no less than this share of its largest
 /// on the ring.
 constexpr double least_determinant = 0.05;
+/// Angles of incidence from here on count as next to the rim in any case.
 constexpr double rim_from = 0.93 * pi / 2;
 /// Change of momentum per angle between rays, at most.
 constexpr double steepest_momentum = 1.5;
@@ -706,6 +707,9 @@ struct MeridianIntegral::Implementation {
 
   [[nodiscard]] double phi_deg(int column) const { return layout.phi_deg[columns.first + column]; }
   [[nodiscard]] double phi(int column) const { return phi_deg(column) * radians_per_degree; }
+  /// The rays of one azimuth, ring by ring. found: fields of rays that were searched, `stride` apart.
+  [[nodiscard]] std::vector<MeridianRay> rays_at(
+      double azimuth, const Reference& reference, std::span<const double> found, std::size_t stride) const;
   void add(std::span<double> sums);
 
   const Layout& layout;
@@ -719,6 +723,63 @@ struct MeridianIntegral::Implementation {
   std::vector<Ring> rings;
   References references;
 };
+
+std::vector<MeridianRay> MeridianIntegral::Implementation::rays_at(
+    double azimuth, const Reference& reference, std::span<const double> found, std::size_t stride) const {
+  struct RingRay {
+    std::size_t ring;
+    Ring::Values values;
+    double lines, by_momentum, by_theta; ///< focal lines and determinants of one traced ray nearby
+  };
+  std::vector<RingRay> all_rays;
+  std::size_t next_searched = 0;
+  for (std::size_t r = 0; r < rings.size(); ++r) {
+    const Ring& ring = rings[r];
+    if (ring.state() == Ring::State::none) continue;
+    if (ring.state() == Ring::State::series) {
+      const auto [values, nearest] = ring.towards(azimuth);
+      all_rays.push_back(
+          {r, values, ring.sample(foci, nearest), ring.sample(determinant, nearest),
+           ring.sample(spreading, nearest)});
+    } else {
+      Ring::Values values;
+      for (int f = 0; f < ring_fields; ++f) values[f] = found[(next_searched * ring_fields + f) * stride];
+      ++next_searched;
+      all_rays.push_back({r, values, values[foci], values[determinant], values[spreading]});
+    }
+  }
+  // The index is the number of focal lines, less one where theta falls while the momentum grows. Rays that
+  // tunnel in or out keep the focal lines of the last one that did not, or of the first.
+  const auto tunnels = [&](const RingRay& ray) {
+    return ray.lines < 0 || ray.ring + 1 >= places.first_beyond;
+  };
+  double lines = 0;
+  bool spreads = false;
+  if (const auto first = std::ranges::find_if_not(all_rays, tunnels); first != all_rays.end()) {
+    lines = first->lines;
+    spreads = first->by_theta < 0;
+  }
+  std::vector<MeridianRay> meridian;
+  for (const RingRay& ray : all_rays) {
+    if (!tunnels(ray)) {
+      lines = ray.lines;
+      spreads = ray.by_theta < 0;
+    }
+    const Ring::Values& values = ray.values;
+    const bool falls = (ray.by_momentum - reference.bend * ray.by_theta < 0) != spreads;
+    MeridianRay made{
+        values[theta_of],
+        values[momentum],
+        values[path] + reference.path(values[theta_of]),
+        values[momentum] - reference.momentum(values[theta_of]),
+        places.step[ray.ring] * std::sqrt(std::abs(values[determinant] - reference.bend * values[spreading])),
+        lines - (falls ? 1 : 0),
+        {}};
+    std::copy_n(values.begin() + jones, 8, made.jones.begin());
+    meridian.push_back(made);
+  }
+  return meridian;
+}
 
 void MeridianIntegral::Implementation::add(std::span<double> sums) {
   struct ColumnWork {
@@ -745,56 +806,9 @@ void MeridianIntegral::Implementation::add(std::span<double> sums) {
         searched.empty() ? std::vector<double>{} : program.meridians(searched, rings, azimuth);
     side_by_side(workers, some.size(), [&](std::size_t worker, std::size_t c) {
       const int column = some[c].column;
-      // A ray in the order of the rings; `lines` are its focal lines.
-      struct Found {
-        Ring::Values values{};
-        std::array<double, 4> traced{}; ///< focal lines, theta, both determinants: of one traced ray nearby
-      };
-      std::vector<Found> rays_of_rings(rings.size());
-      std::size_t next_searched = 0;
-      for (std::size_t r = 0; r < rings.size(); ++r) {
-        const Ring& ring = rings[r];
-        if (ring.state() == Ring::State::none) continue;
-        Found& ray = rays_of_rings[r];
-        if (ring.state() == Ring::State::series) {
-          const Ring::Found from_series = ring.towards(azimuth[c]);
-          ray.values = from_series.values;
-          const auto traced = [&](Field field) { return ring.sample(field, from_series.nearest); };
-          ray.traced = {traced(foci), traced(theta_of), traced(determinant), traced(spreading)};
-        } else {
-          const double* const from = found.data() + (next_searched++ * ring_fields) * azimuth.size() + c;
-          for (int f = 0; f < ring_fields; ++f) ray.values[f] = from[f * azimuth.size()];
-          ray.traced = {
-              ray.values[foci], ray.values[theta_of], ray.values[determinant], ray.values[spreading]};
-        }
-      }
       const Reference reference = references.empty() ? Reference{} : references.at(azimuth[c]);
-      std::vector<MeridianRay> meridian;
-      double lines = 0;
-      bool spreads = false;
-      for (std::size_t r = 0; r < rings.size(); ++r) {
-        if (rings[r].state() == Ring::State::none) continue;
-        const auto& [values, traced] = rays_of_rings[r];
-        // Focal lines less one where theta falls while the momentum grows. Rays that tunnel in or out keep
-        // the focal lines of the last one that did not.
-        const double by_momentum = traced[2] - reference.bend * traced[3];
-        const bool tunnels = traced[0] < 0 || r + 1 >= places.first_beyond;
-        if (!tunnels || meridian.empty()) {
-          lines = traced[0];
-          spreads = traced[3] < 0;
-        }
-        const double index = lines - ((by_momentum < 0) != spreads ? 1 : 0);
-        MeridianRay ray{
-            values[theta_of],
-            values[momentum],
-            values[path] + reference.path(values[theta_of]),
-            values[momentum] - reference.momentum(values[theta_of]),
-            places.step[r] * std::sqrt(std::abs(values[determinant] - reference.bend * values[spreading])),
-            index,
-            {}};
-        std::copy_n(values.begin() + jones, 8, ray.jones.begin());
-        meridian.push_back(ray);
-      }
+      const std::vector<MeridianRay> meridian =
+          rays_at(azimuth[c], reference, std::span(found).subspan(searched.empty() ? 0 : c), azimuth.size());
       for (std::size_t i = some[c].first; i < some[c].end; ++i)
         sum_of_worker[worker].add(
             all[i], meridian, reference, layout, phi_deg(column),
