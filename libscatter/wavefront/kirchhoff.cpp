@@ -57,14 +57,15 @@ CoarseRays::CoarseRays(RayProgram& rays, const Light& light, int last)
       u.push_back(b * std::cos(psi));
       v.push_back(b * std::sin(psi));
     }
-  const RawRays raw = rays.trace_raw(light, u, v, last);
+  const RawRays raw = rays.trace_raw(light, u, v, last, true);
   for (int p = 0; p <= last; ++p)
     for (std::size_t i = 0; i < u.size(); ++i) {
       Node& node = nodes_[static_cast<std::size_t>(p) * u.size() + i];
       const auto vector = [&](int f) {
         return Vector{raw.field(p, f, i), raw.field(p, f + 1, i), raw.field(p, f + 2, i)};
       };
-      node.valid = raw.field(p, 0, i) > 0.5;
+      node.valid = raw.field(p, 0, i) == 1;
+      node.tunnels = raw.field(p, 0, i) == 2;
       node.direction = vector(1);
       node.point = vector(14);
       node.point_slope = {vector(17), vector(20)};
@@ -324,7 +325,7 @@ WindowPlan plan_window(
   for (int j = 0; j < CoarseRays::azimuths; ++j) {
     const CoarseRays::Node& last = coarse.node(order, CoarseRays::alphas, j);
     const CoarseRays::Node& before = coarse.node(order, CoarseRays::alphas - 1, j);
-    if (order == 0 || !last.valid || !before.valid) continue;
+    if (order == 0 || !last.goes_out() || !before.goes_out()) continue;
     const Momentum at_rim = momentum(w, last);
     if (std::abs(at_rim.rho[0]) <= half[0] + taper_end * fresnel)
       rim.push_back({at_rim.rho[1], momentum(w, before).rho[1]});
@@ -344,7 +345,7 @@ WindowPlan plan_window(
       int valid = 0;
       double towards = -1;
       for (const auto* node : nodes) {
-        if (!node->valid) continue;
+        if (!node->goes_out()) continue;
         ++valid;
         const Momentum m = momentum(w, *node);
         towards = std::max(towards, inner(node->direction, w.r0));
@@ -364,8 +365,8 @@ WindowPlan plan_window(
       if (misses) continue;
       made.cells.push_back({a, j, 0, 0});
       for (const auto* node : nodes)
-        if (node->valid) corners.push_back(node);
-      if (a == CoarseRays::alphas - 1 && order > 0 && nodes[1]->valid)
+        if (node->goes_out()) corners.push_back(node);
+      if (a == CoarseRays::alphas - 1 && order > 0 && nodes[1]->goes_out())
         made.cells.push_back({CoarseRays::alphas, j, 0, 0});
     }
   if (made.cells.empty() || corners.empty()) {
@@ -417,15 +418,17 @@ WindowPlan plan_window(
   double step_alpha = 0, step_psi = 0;
   for (Cell& cell : made.cells) {
     const auto side = [&](const CoarseRays::Node& a, const CoarseRays::Node& b) {
-      if (!a.valid || !b.valid) return 0.0;
+      if (!a.goes_out() || !b.goes_out()) return 0.0;
       const Momentum from = momentum(w, a), to = momentum(w, b);
       return std::abs(to.X[0] - from.X[0]) * spread[0] + std::abs(to.X[1] - from.X[1]) * spread[1];
     };
-    if (cell.alpha == CoarseRays::alphas) {
-      const CoarseRays::Node& edge = coarse.node(order, cell.alpha, cell.azimuth);
-      cell.index = edge.foci - momentum(w, edge).negative;
-      continue;
-    }
+    // Rays that tunnel in or out keep the index of the last one that did not.
+    for (int a = std::min(cell.alpha + 1, CoarseRays::alphas); a > 0; --a)
+      if (const CoarseRays::Node& node = coarse.node(order, a, cell.azimuth); node.valid) {
+        cell.index = node.foci - momentum(w, node).negative;
+        break;
+      }
+    if (cell.alpha == CoarseRays::alphas) continue;
     const auto& n00 = coarse.node(order, cell.alpha, cell.azimuth);
     const auto& n10 = coarse.node(order, cell.alpha + 1, cell.azimuth);
     const auto& n01 = coarse.node(order, cell.alpha, cell.azimuth + 1);

@@ -24,12 +24,14 @@ public:
   static constexpr int azimuths = 256;
 
   struct Node {
-    bool valid = false;
+    bool valid = false;   ///< it leaves by refraction
+    bool tunnels = false; ///< it would be reflected totally, and leaves along the surface
     std::array<double, 3> direction{}, point{};
     /// Derivatives of both by the impact point.
     std::array<std::array<double, 3>, 2> point_slope{}, direction_slope{};
     double turn = 0; ///< solid angle per incident area, with its sign
     int foci = 0;    ///< to infinity
+    [[nodiscard]] bool goes_out() const { return valid || tunnels; }
   };
   /// alpha 0..alphas, azimuth any integer (wraps).
   [[nodiscard]] const Node& node(int order, int alpha, int azimuth) const {

@@ -81,7 +81,7 @@ std::vector<Stretch> stretches(
     for (int j = 0; j < CoarseRays::azimuths; ++j) {
       const auto& last = coarse.node(order, CoarseRays::alphas, j);
       const auto& before = coarse.node(order, CoarseRays::alphas - 1, j);
-      if (!last.valid || !before.valid) continue;
+      if (!last.goes_out() || !before.goes_out()) continue;
       const double apart = std::atan2(last.direction[1], last.direction[0]) - phi;
       if (std::abs(apart - 2 * pi * std::rint(apart / (2 * pi))) > 0.06) continue;
       const auto theta = [](const CoarseRays::Node& n) {
@@ -152,7 +152,7 @@ Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<con
       int valid = 0;
       for (int end = 0; end < 2; ++end) {
         const auto& node = coarse.node(order, a + end, j);
-        if (!node.valid) continue;
+        if (!node.goes_out()) continue;
         const auto &d = node.direction, &p = node.point;
         const double sine = std::hypot(d[0], d[1]), theta = std::atan2(sine, d[2]);
         low = std::min(low, theta);

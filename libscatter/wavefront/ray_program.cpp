@@ -88,8 +88,8 @@ cl::Buffer RayProgram::job_buffer(const Job& job) const {
   return cl().upload(std::span<const Job>(&job, 1));
 }
 
-RawRays
-RayProgram::trace_raw(const Light& light, std::span<const double> u, std::span<const double> v, int last) {
+RawRays RayProgram::trace_raw(
+    const Light& light, std::span<const double> u, std::span<const double> v, int last, bool tunnelling) {
   const int count = static_cast<int>((u.size() + ray_lanes - 1) / ray_lanes * ray_lanes);
   std::vector<double> padded_u(u.begin(), u.end()), padded_v(v.begin(), v.end());
   padded_u.resize(count, 0.0);
@@ -102,8 +102,8 @@ RayProgram::trace_raw(const Light& light, std::span<const double> u, std::span<c
   const std::string_view sources[] = {embedded::kernel_rays};
   cl().queue.enqueueNDRangeKernel(
       with_arguments(
-          cl::Kernel(build(light, sources, true), "trace_rays"), surface_buffer, job, u_data, v_data, count,
-          out),
+          cl::Kernel(build(light, sources, true, tunnelling ? " -DUNIFORM -DBEYOND" : ""), "trace_rays"),
+          surface_buffer, job, u_data, v_data, count, out),
       cl::NullRange, cl::NDRange(device.info().compute_units), cl::NDRange(1));
   cl().download(out, std::span<double>(rays.values));
   return rays;

@@ -57,8 +57,11 @@ struct RayProgram {
   [[nodiscard]] Job make_job(const Light& light, int rays, int order) const;
   [[nodiscard]] cl::Buffer job_buffer(const Job& job) const;
 
-  /// Rays from (u, v) of the incident plane in units of a, orders 0..last; count is padded.
-  RawRays trace_raw(const Light& light, std::span<const double> u, std::span<const double> v, int last);
+  /// Rays from (u, v) of the incident plane in units of a, orders 0..last; count is padded. Those that
+  /// reflect totally where they should leave go out by tunnelling, if `tunnelling`.
+  RawRays trace_raw(
+      const Light& light, std::span<const double> u, std::span<const double> v, int last,
+      bool tunnelling = false);
   /// The same as Tracer::trace() gives them.
   std::vector<std::vector<TracedRay>>
   trace(const Light& light, std::span<const double> u, std::span<const double> v, int last);

@@ -130,29 +130,101 @@ TEST(DiffractionIntegral, DoesNotDependOnItsWindows) {
 
 TEST(DiffractionIntegral, IsTheSameAlongLinesOfAzimuthAndOverWindows) {
   // Two charts of the same wavefront: at each azimuth an integral over theta's momentum alone, and one over
-  // both momenta in windows of directions. They have nothing in common but rays and coefficients. At these
-  // azimuths windows do not suffer from the rim (see the next test).
+  // both momenta in windows of directions. They have nothing in common but rays and coefficients. On flatter
+  // drops the momenta of windows have a fold next to the rim, which costs them 1 % and more.
   Tracing tracing;
-  tracing.shape = drop::spheroid(0.3e-3, 0.997);
+  tracing.shape = drop::spheroid(0.3e-3, 1 - 1e-8);
   tracing.sun_elevation_deg = 30;
-  tracing.orders = {2};
   tracing.rays = 600;
   tracing.focal_lines = FocalLines::exact;
-  Tracer tracer(tracing, device());
-  Wanted wanted = integral_at(range(134, 141, 0.25));
-  wanted.phi_deg = range(0, 60, 20);
-  const FarField lines = far_field(tracer, red, wanted);
-  wanted.integral_by_windows = true;
-  const FarField windows = far_field(tracer, red, wanted);
-  double peak = 0, worst = 0;
-  for (std::size_t i = 0; i < lines.amplitude.size(); ++i) {
-    const Amplitude &a = lines.amplitude[i], &b = windows.amplitude[i];
-    peak = std::max({peak, std::abs(b.S1), std::abs(b.S2)});
-    worst = std::max(worst, difference(a, b));
+  for (const int order : {2, 3}) {
+    tracing.orders = {order};
+    Tracer tracer(tracing, device());
+    Wanted wanted = integral_at(order == 2 ? range(134, 141, 1) : range(122, 129, 1));
+    wanted.phi_deg = {0, 70, 115, 180};
+    const FarField lines = far_field(tracer, red, wanted);
+    wanted.integral_by_windows = true;
+    const FarField windows = far_field(tracer, red, wanted);
+    double peak = 0, worst = 0;
+    for (std::size_t i = 0; i < lines.amplitude.size(); ++i) {
+      const Amplitude &a = lines.amplitude[i], &b = windows.amplitude[i];
+      peak = std::max({peak, std::abs(b.S1), std::abs(b.S2)});
+      worst = std::max(worst, difference(a, b));
+    }
+    std::printf("order %d: lines and windows differ by %.3f %% of the peak\n", order, 100 * worst / peak);
+    EXPECT_GT(worst, 0);
+    EXPECT_LT(worst, 0.002 * peak);
   }
-  std::printf("lines and windows differ by %.3f %% of the peak\n", 100 * worst / peak);
-  EXPECT_GT(worst, 0);
-  EXPECT_LT(worst, 0.002 * peak);
+}
+
+TEST(DiffractionIntegral, HardlyKnowsAHardlyFlattenedSphere) {
+  // One part in 10^8 turns half of the rays that enter at the rim into rays that tunnel out: the field is
+  // that of the sphere all the same, wherever the sun.
+  const auto theta = range(124, 128, 0.5);
+  const auto truth =
+      exact::debye_at_degrees(2 * pi * 0.5e-3 / red.wavelength_m, red.index, std::vector<int>{3}, theta)
+          .orders.at(0);
+  double peak = 0;
+  for (const auto& S1 : truth.S1) peak = std::max(peak, std::abs(S1));
+  Tracing tracing;
+  tracing.shape = drop::spheroid(0.5e-3, 1 - 1e-8);
+  tracing.orders = {3};
+  tracing.rays = 600;
+  for (const double sun : {20.0, 35.53, 70.0}) {
+    tracing.sun_elevation_deg = sun;
+    Tracer tracer(tracing, device());
+    Wanted wanted = integral_at(theta);
+    wanted.phi_deg = {0, 90, 180};
+    const FarField field = far_field(tracer, red, wanted);
+    double worst = 0;
+    for (std::size_t t = 0; t < theta.size(); ++t)
+      for (std::size_t f = 0; f < 3; ++f) {
+        const Amplitude& a = field.amplitude[t * 3 + f];
+        worst = std::max({worst, std::abs(a.S1 - truth.S1[t]), std::abs(a.S2 - truth.S2[t])});
+      }
+    std::printf("sun %g deg: %.3f %% of the peak\n", sun, 100 * worst / peak);
+    EXPECT_LT(worst, 0.001 * peak);
+  }
+}
+
+TEST(DiffractionIntegral, OfARaindropIsReciprocal) {
+  // Light that comes in along the reversed way out is light of another sun; it leaves along the reversed way
+  // in. Rays that enter next to the rim there leave next to it here.
+  constexpr double degree = pi / 180;
+  const double h = 20 * degree;
+  Tracing tracing;
+  tracing.shape = drop::beard_chuang(0.5e-3);
+  tracing.rays = 600;
+  for (const auto& [order, theta_deg, phi_deg] :
+       {std::tuple{2, 139.0, 60.0},
+        {2, 141.0, 150.0},
+        {3, 125.0, 90.0},
+        {3, 126.0, 150.0},
+        {3, 127.0, 175.0}}) {
+    const double theta = theta_deg * degree, phi = phi_deg * degree;
+    const double down = -(std::sin(theta) * std::cos(phi) * std::cos(h) + std::cos(theta) * std::sin(h));
+    const double h_back = std::asin(down),
+                 phi_back = std::acos(
+                     (-std::sin(h) - std::cos(theta) * down) / (std::sin(theta) * std::cos(h_back)));
+    tracing.orders = {order};
+    const auto at = [&](double sun, double azimuth) {
+      tracing.sun_elevation_deg = sun / degree;
+      Wanted wanted = integral_at(range(theta_deg - 2, theta_deg + 2, 0.1));
+      wanted.phi_deg = {azimuth / degree};
+      return far_field(tracing, red, wanted).amplitude;
+    };
+    const std::vector<Amplitude> there = at(h, phi), again = at(h_back, phi_back);
+    double peak = 0;
+    for (const Amplitude& a : there) peak = std::max({peak, std::abs(a.S1), std::abs(a.S2)});
+    const Amplitude &a = there[20], &b = again[20];
+    const double worst = std::max(
+        {std::abs(a.S1 - b.S1), std::abs(a.S2 - b.S2), std::abs(std::abs(a.S3) - std::abs(b.S4)),
+         std::abs(std::abs(a.S4) - std::abs(b.S3))});
+    std::printf(
+        "order %d, %g deg, azimuth %g deg: %.2f %% of the peak\n", order, theta_deg, phi_deg,
+        100 * worst / peak);
+    EXPECT_LT(worst, 0.01 * peak);
+  }
 }
 
 TEST(DiffractionIntegral, DarkSideOfARaindropsBowIsDark) {

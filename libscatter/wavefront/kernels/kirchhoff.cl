@@ -146,7 +146,8 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const real trace = X1_u * rho_1_u + X2_u * rho_2_u + X1_v * rho_1_v + X2_v * rho_2_v;
       const real negative =
           select(select((real)(0.0), (real)(2.0), trace < 0.0), (real)(1.0), opposed);
-      const real index = beyond ? (real)(cell.index) : out.foci + foci_ahead(area_along(d, &out.spread)) - negative;
+      const real foci = out.foci + foci_ahead(area_along(d, &out.spread));
+      const real index = beyond ? (real)(cell.index) : select(foci - negative, (real)(cell.index), out.tunnels);
       const real x = X1 - window->centre[0], y = X2 - window->centre[1];
       const real xi_x = x * window->xi_per_length[0], xi_y = y * window->xi_per_length[1];
       weight *= inverse_transform(xi_x, window->tap_shape) * inverse_transform(xi_y, window->tap_shape);

@@ -66,7 +66,6 @@ FORCE_INLINE void ring_ray(constant double* surface, constant job_t* job, consta
 #undef CHANGES
   const real D = X_u * phi_v - X_v * phi_u, turn = theta_u * phi_v - theta_v * phi_u;
   const real phi_psi = phi_u * u_psi + phi_v * v_psi;
-  const vector3 normal = surface_normal(surface, left.p);
   const real foci = left.foci + foci_ahead(area_along(d, &left.spread)), scale = measure / (phi_psi * phi_psi);
   const real turned = atan2(d.y, d.x) - psi;
   vector3 f1, f2;
@@ -85,9 +84,7 @@ FORCE_INLINE void ring_ray(constant double* surface, constant job_t* job, consta
   fields[10] = ss * left.e1x.im + cc * left.e2x.im;
   fields[11] = cc * left.e1y.im - ss * left.e2y.im;
   fields[12] = ss * left.e1y.im + cc * left.e2y.im;
-  // Its direction lies along the surface then.
-  const mask tunnels = fabs(dot3(d, normal)) < 1e-9;
-  fields[13] = select((real)(-1.0), select(foci, (real)(-2.0), tunnels), left.valid > 0.5);
+  fields[13] = select((real)(-1.0), select(foci, (real)(-2.0), left.tunnels), left.valid > 0.5);
   fields[14] = phi_psi;
   fields[15] = scale * turn;
 }

@@ -45,6 +45,9 @@ typedef struct {
   ray_spread spread;
   real foci; // passed inside
 #endif
+#ifdef BEYOND
+  mask tunnels; // it was reflected totally, and leaves along the surface
+#endif
 } exit_ray;
 
 // Right-handed basis across d without trigonometry and smooth in each hemisphere (d.z >= 0 and d.z < 0): for
@@ -197,6 +200,9 @@ FORCE_INLINE void enter(
   out->p = p;
   out->foci = ray->foci = 0.0;
 #endif
+#ifdef BEYOND
+  out->tunnels = out->valid < 0.0;
+#endif
   // Refracted.
   ray->p = p;
   ray->s = s;
@@ -297,6 +303,7 @@ FORCE_INLINE void bounce(
 #ifdef BEYOND
   // A wave reflected in total tunnels out to a ray that grazes at some height above the surface.
   const mask beyond = cosine2 < 0.0;
+  out->tunnels = beyond;
   const vector3 level = along3(d, -inside, normal);
   const real inverse_level = 1.0 / sqrt(fmax(dot3(level, level), 1e-300));
   const vector3 tangent = scale3(inverse_level, level);
