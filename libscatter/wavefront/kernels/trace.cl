@@ -201,7 +201,7 @@ FORCE_INLINE void enter(
   out->foci = ray->foci = 0.0;
 #endif
 #ifdef BEYOND
-  out->tunnels = out->valid < 0.0;
+  out->tunnels = (mask)(0);
 #endif
   // Refracted.
   ray->p = p;
@@ -398,5 +398,6 @@ FORCE_INLINE void enter_beyond(
   out->spread.p_u = normal;
   out->spread.p_v = along3(p_psi, height, n_psi);
   out->spread.d_u = out->spread.d_v = zero;
+  out->tunnels = (mask)(0);
 }
 #endif
