@@ -149,7 +149,8 @@ void add_windows(CaseReport& report, const Settings& settings) {
   report.blocks.emplace_back(Paragraph{fmt::format(
       "Order 2 at 136..142 deg and azimuths 0, 60, 120, 180 deg by the integral, once as the beginning and "
       "once as the "
-      "end of a table, so that windows have other centres and tapers: complex amplitudes differ by {:.2f} % "
+      "end of a table, so that bands of angles have other centres and tapers: complex amplitudes differ by "
+      "{:.2f} % "
       "of the "
       "peak at most, {:.3f} % rms.",
       100 * worst, 100 * std::sqrt(squares / count) / peak)});

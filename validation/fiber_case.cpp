@@ -278,15 +278,19 @@ CaseReport run_fiber_waves(const Settings& settings, const Progress& progress) {
       "From which radius on rays may be trusted, 550 nm",
       {"", "lobe", "10 % from", "5 % from", "error at its own radius", "mean reflectivities add"},
       {}};
-  std::vector<double> micrometre;
-  for (const double radius : radius_m) micrometre.push_back(radius * 1e6);
+  std::vector<double> micrometre, size_parameter;
+  for (const double radius : radius_m) {
+    micrometre.push_back(radius * 1e6);
+    size_parameter.push_back(2 * pi * radius / wavelength_m);
+  }
   report.numbers["wavelength_m"] = wavelength_m;
   report.numbers["width_deg"] = width_deg;
   report.numbers["series"] = ordered_json::array();
   for (const Series& series : all) {
     ordered_json json{{"fiber", series.fiber->name},       {"eta", series.fiber->eta},
                       {"theta_d_deg", series.theta_d_deg}, {"own_radius_m", series.fiber->radius_m},
-                      {"radius_m", series.radius_m},       {"lobes", ordered_json::object()}};
+                      {"radius_m", series.radius_m},       {"size_parameter", size_parameter},
+                      {"lobes", ordered_json::object()}};
     for (std::size_t k = 0; k < lobe_count; ++k) {
       const auto ten = trusted_from(series, k, 0.1), five = trusted_from(series, k, 0.05);
       const double own = error_at(series, k, series.fiber->radius_m);
@@ -310,7 +314,7 @@ CaseReport run_fiber_waves(const Settings& settings, const Progress& progress) {
   for (std::size_t k = 0; k < lobe_count; ++k) {
     scene::Plot plot;
     plot.title = fmt::format("Error of rays: {}", lobes[k].title);
-    plot.x_label = "radius (µm)";
+    plot.x_label = fmt::format("radius (µm); size parameter {:.1f} per µm", 2 * pi * 1e-6 / wavelength_m);
     plot.y_label = "rms error (%)";
     plot.log_y = true;
     plot.height = 480;

@@ -164,6 +164,7 @@ CaseReport run_fiber_dual(const Settings& settings, const Progress& progress) {
   report.checks.push_back(
       {"random walk's standard error, largest of all rows", worst_statistical, settings.quick ? 0.6 : 0.15,
        "of 1"});
+  report.checks.push_back({"mean factor, default", mean_factor, settings.quick ? 4.0 : 3.0, ""});
   report.checks.push_back(
       {"mean factor with f_back's energy conserved", mean_factor_conserved, settings.quick ? 3.0 : 2.2, ""});
   report.checks.push_back(

@@ -58,8 +58,23 @@ void put_amplitudes(nlohmann::ordered_json& json, const exact::CylinderAmplitude
   json["T4"] = complex_pairs(amplitudes.T4);
 }
 
+/// Whether all of it is within what was compared with 50 digits; says so if not.
+bool check_validated(const Request& request) {
+  if (request.body.size_parameter > exact::cylinder_validated_size_parameter)
+    tell_not_validated(
+        "cylinder", size_text(request.body), exact::cylinder_validated_size_parameter, "results", 50);
+  else if (std::abs(request.tilt_deg) > exact::cylinder_validated_tilt_deg)
+    tell_not_validated(
+        "cylinder", fmt::format("--tilt: {} deg", std::abs(request.tilt_deg)),
+        exact::cylinder_validated_tilt_deg, "results", 50);
+  else
+    return true;
+  return false;
+}
+
 std::string json_text(
-    const Request& request, const exact::CylinderResult& result, double seconds, const std::string& command) {
+    const Request& request, const exact::CylinderResult& result, bool validated, double seconds,
+    const std::string& command) {
   const auto by_case = [](const exact::ByCase& values) {
     return nlohmann::ordered_json{{"I", values.I}, {"II", values.II}};
   };
@@ -85,6 +100,7 @@ std::string json_text(
     put_amplitudes(json["remainder"], result.remainder);
   }
   json["error_estimate"] = result.error_estimate;
+  json["validated"] = validated;
   json["method"] = "Lorenz-Mie, infinite cylinder";
   json["seconds"] = seconds;
   return finish_json(std::move(json), request.body.constants(), command);
@@ -147,9 +163,10 @@ void run(const Texts& texts, const Context& context) {
       "x = {}, m = {} + {}i ({}), tilt {} deg, {} angles, {:.3g} s, error estimate {:.1e}",
       result.size_parameter, result.index.real(), result.index.imag(), request.body.index_source,
       result.tilt_deg, request.theta_deg.size(), seconds, result.error_estimate);
+  const bool validated = check_validated(request);
   output.write(
       output.is_csv() ? csv_text(request, result, seconds, context.command_line)
-                      : json_text(request, result, seconds, context.command_line));
+                      : json_text(request, result, validated, seconds, context.command_line));
 }
 
 } // namespace

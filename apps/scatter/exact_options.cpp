@@ -78,6 +78,18 @@ Body read_body(const BodyTexts& texts, bool water) {
   return body;
 }
 
+std::string size_text(const Body& body) {
+  return fmt::format(
+      "{} {:.9g}", body.radius_m ? "--radius: the size parameter" : "--size-parameter", body.size_parameter);
+}
+
+void tell_not_validated(
+    std::string_view verb, std::string_view what, double limit, std::string_view results, int digits) {
+  std::cerr << fmt::format(
+      "scatter {}: {} is beyond {}, up to which {} were compared with {} digits; computed the same way\n",
+      verb, what, limit, results, digits);
+}
+
 ExactOutput::ExactOutput(const std::string& output) {
   if (output == "-") return;
   csv_ = output.ends_with(".csv");

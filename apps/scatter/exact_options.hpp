@@ -43,6 +43,14 @@ struct Body {
 /// water: an index that is not given is water's at the wavelength. Throws InputError that names the option.
 [[nodiscard]] Body read_body(const BodyTexts& texts, bool water);
 
+/// Of the size, for messages: the option as typed with what it means, such as "--size-parameter 60000".
+[[nodiscard]] std::string size_text(const Body& body);
+
+/// One line on standard error: `what`, a value with its name, is beyond `limit`, up to which `results` were
+/// compared with so many digits.
+void tell_not_validated(
+    std::string_view verb, std::string_view what, double limit, std::string_view results, int digits);
+
 /// Where an exact result goes: FILE.json, FILE.csv or "-", JSON to standard output.
 class ExactOutput {
 public:

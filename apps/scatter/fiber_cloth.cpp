@@ -8,10 +8,13 @@
 #include <scatter/optics/units.hpp>
 
 #include <fmt/format.h>
+#include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,8 +36,30 @@ struct Result {
   std::vector<std::string> columns;        ///< of the CSV file, beside directions and colours
   std::vector<std::vector<double>> beside; ///< their values
   std::vector<Rgb> values;
+  std::vector<double> errors; ///< of the values, relative
   double seconds = 0;
 };
+
+/// The library's accuracy holds where no tangent is within 0.1 deg of a direction; nearer, the squares of
+/// cosines that formulas divide by lose digits.
+double beside_tangent(double accuracy, double distance) {
+  const double nearer = std::max(1.0, 0.1 * radians_per_degree / std::max(distance, 1e-12));
+  return std::min(1.0, accuracy * nearer * nearer);
+}
+
+/// Angle [rad] between a direction and the nearest of the cloth's sampled tangents, either way; at most 1.
+double to_tangents(const fiber::Cloth& cloth, const glm::dvec3& w) {
+  double nearest = 1;
+  for (const fiber::Cloth::Strand& strand : cloth.strands())
+    for (const fiber::Cloth::Tangent& tangent : strand.tangents) {
+      const glm::dvec3 t(
+          tangent.cos_offset * strand.cos_direction, tangent.cos_offset * strand.sin_direction,
+          tangent.sin_offset);
+      // The cross product only where it matters.
+      if (std::abs(glm::dot(t, w)) > 0.9999) nearest = std::min(nearest, glm::length(glm::cross(t, w)));
+    }
+  return nearest;
+}
 
 void write(
     ExactOutput& output, nlohmann::ordered_json json, const DirectionPairs& pairs, const Result& result,
@@ -44,6 +69,7 @@ void write(
     auto list = nlohmann::ordered_json::array();
     for (const Rgb& value : result.values) list.push_back({value[0], value[1], value[2]});
     json["value"] = std::move(list);
+    json["error_estimate"] = result.errors;
     json["method"] = result.method;
     json["seconds"] = result.seconds;
     return output.write(finish_json(std::move(json), constants, command));
@@ -79,6 +105,9 @@ void run_cloth(const Texts& texts, const Context& context) {
   result.beside.resize(1);
   for (const glm::dvec3& view : pairs.view) result.beside[0].push_back(cloth.open(view));
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  for (std::size_t k = 0; k < pairs.light.size(); ++k)
+    result.errors.push_back(beside_tangent(
+        2e-12, std::min(to_tangents(cloth, pairs.light[k]), to_tangents(cloth, pairs.view[k]))));
   result.method = "threads along tangent curves, masked and reweighted";
   spdlog::info(
       "{}: {} threads, {} samples each, {} pairs of directions, {:.3g} s", fabric.name,
@@ -114,6 +143,8 @@ void run_thread(const Texts& texts, const Context& context) {
     result.values.push_back(thread.eval(at));
     const double angles[] = {at.theta_i, at.theta_o, at.phi};
     for (std::size_t a = 0; a < 3; ++a) result.beside[a].push_back(angles[a] / radians_per_degree);
+    const double steeper = std::max(std::abs(at.theta_i), std::abs(at.theta_o));
+    result.errors.push_back(beside_tangent(1e-12, pi / 2 - steeper));
   }
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.method = "one thread: surface and volume lobe";
@@ -180,7 +211,8 @@ void add_fiber_cloth(CLI::App& fiber, Context& context) {
                 "green,\nblue; times radiance and solid angle of the light it is the radiance toward the "
                 "view (the cosine is "
                 "in it).\n\"gap\" is the share of what is behind the cloth that the view sees.\nIt is 0 for "
-                "light or view at or below the cloth (z <= 0).\n"
+                "light or view at or below the cloth (z <= 0). \"error_estimate\": "
+                "relative, for the number of samples given.\n"
                 "Example: scatter fiber cloth --fabric polyester-satin-front --directions pairs.json");
   cloth->callback([texts, &context] { run_cloth(*texts, context); });
 
@@ -202,7 +234,8 @@ void add_fiber_cloth(CLI::App& fiber, Context& context) {
       "blue, times\nalbedo_scale, which may be left out.\n"
       "Frame: the thread along x, normal z; directions point away from it. \"value\": f_s of red, green, "
       "blue "
-      "[1/sr], without\ncosine: the radiance toward the view is the integral of f_s L cos theta_i.\n"
+      "[1/sr], without\ncosine: the radiance toward the view is the integral of f_s L cos theta_i. "
+      "\"error_estimate\": relative.\n"
       "Example: scatter fiber thread --params silk.json --directions pairs.json");
   thread->callback([alone, &context] { run_thread(*alone, context); });
 }

@@ -9,6 +9,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <fstream>
@@ -47,13 +48,24 @@ Rgb parse_rgb(const std::string& text) {
   return {values[0], values[1], values[2]};
 }
 
-/// Angles in the library's messages are named after the option or the field they came from.
+/// The library's messages begin with the name of a member; files give angles in degrees, and say so in the
+/// field's name.
+std::string with_unit(std::string message) {
+  const std::size_t colon = std::min(message.find(": "), message.size());
+  const std::string path = message.substr(0, colon), name = path.substr(path.rfind('.') + 1);
+  for (const char* const angle :
+       {"shift", "width", "transmission_azimuthal_width", "glint_azimuthal_width", "glint_half_angle"})
+    if (name == angle) return message.insert(colon, "_deg");
+  return message;
+}
+
+/// The library's messages, with the option or the file and its field in front.
 template <typename Make>
 auto named(const std::string& where, Make&& make) {
   try {
     return make();
   } catch (const InputError& error) {
-    throw InputError(where + error.what());
+    throw InputError(where + with_unit(error.what()));
   }
 }
 
@@ -155,7 +167,13 @@ void run_assembly(const AssemblyTexts& texts, const Context& context) {
   json["variant"] = texts.variant;
   json["lobes"] = parameters.residual ? std::vector<std::string>{"R", "TT", "TRT", "residual"}
                                       : std::vector<std::string>{"R", "TT", "TRT"};
-  json["error_estimate"] = 1e-9; // of a_f, a_b and the averages; assembly.hpp
+  // Energies and averages are good to 1e-9; sums over paths that turn back divide by (1 - a_f^2)^3.
+  auto& errors = json["error_estimate"] = ordered_json::array();
+  for (const Averages& averages : found) {
+    Rgb error{};
+    for (std::size_t c = 0; c < 3; ++c) error[c] = 1e-9 / std::pow(1 - averages.a_f[c] * averages.a_f[c], 4);
+    errors.push_back(error);
+  }
   json["method"] = "quadrature over theta_o of the section's moments; ladder sums over one and three turns";
   json["seconds"] = seconds;
   output.write(finish_json(std::move(json), constants, context.command_line));
@@ -327,9 +345,25 @@ struct Model {
   std::shared_ptr<const fiber::LobedScattering> multiple;
   std::shared_ptr<const fiber::HairScattering> by_rays; ///< the single scattering, when it is that
   fiber::DualScatteringOptions dual;
+  double narrowest = 1;      ///< of the single scattering's Gaussians [rad]
+  double multiple_error = 0; ///< of multiple scattering's values themselves, relative
   std::string method;
   Constants constants;
 };
+
+/// Of single scattering, relative: the lobes' own 1e-12; what an arc sine's rounding, larger toward the
+/// fibre's ends, does to a narrow Gaussian; caustics and rims of rays. R has neither where it is bright.
+double single_error(const Model& model, const fiber::Angles& at) {
+  const double cosine = std::min(std::cos(at.theta_i), std::cos(at.theta_o));
+  const double narrow = std::max(model.narrowest * cosine, 1e-9);
+  double error = 1e-12 + 2e-15 / (narrow * narrow);
+  if (model.by_rays) {
+    const fiber::RaySection section(model.by_rays->parameters().eta, 0);
+    const double theta_d = std::clamp(at.theta_d(), -fiber::largest_theta_d, fiber::largest_theta_d);
+    for (const int order : {1, 2}) error = std::max(error, section.error_estimate(order, theta_d, at.phi));
+  }
+  return std::min(error, 1.0);
+}
 
 Model read_hair(const std::string& file) {
   Fields fields = read_parameters(file);
@@ -350,6 +384,7 @@ Model read_hair(const std::string& file) {
   model.single = hair;
   model.multiple = hair;
   model.by_rays = hair;
+  model.narrowest = 0.5 * p.width; // TT's
   model.method = "lobes R, TT, TRT by rays through a smooth cylinder";
   if (p.residual) model.method += ", and a residual lobe";
   model.constants = {
@@ -392,6 +427,13 @@ Model read_artist_hair(const std::string& file) {
   model.multiple = std::make_shared<const fiber::NormalisedScattering>(
       std::make_shared<const fiber::ArtistHair>(multiple, variant),
       normalisation == "each" ? fiber::Normalisation::each : fiber::Normalisation::brightest);
+  model.narrowest = std::min(
+      {single.primary.width, single.transmission.width, single.secondary.width,
+       single.transmission_azimuthal_width, single.glint_azimuthal_width});
+  // NormalisedScattering says 1e-8 for widths of 2 deg and more; it interpolates between six nodes.
+  const double width =
+      std::min({multiple.primary.width, multiple.transmission.width, multiple.secondary.width});
+  model.multiple_error = 1e-8 * std::pow(std::max(1.0, 2 * radians_per_degree / width), 6);
   model.method = "artists' lobes";
   model.constants = {
       {"params", file},
@@ -457,6 +499,29 @@ void run_model(
   if (seconds == 0) seconds = seconds_since(start);
   spdlog::info("{} pairs of directions, {:.3g} s", values.size(), seconds);
 
+  std::vector<double> errors;
+  if (!output.is_csv())
+    for (const fiber::Angles& at : angles) errors.push_back(single_error(model, at));
+  if (dual && !output.is_csv()) {
+    // Tables of half the nodes are worse by far, so that the difference bounds the error of the others; the
+    // ladder sums add what they do in assemblies.
+    fiber::DualScatteringOptions options = model.dual;
+    options.nodes = options.nodes / 2 + 1;
+    const fiber::DualScattering coarse(model.single, model.multiple, options);
+    for (std::size_t i = 0; i < angles.size(); ++i) {
+      const fiber::Angles& at = angles[i];
+      const Rgb other = coarse.eval(at, coarse.estimated(at.theta_i, opacity, strands)).sum();
+      const Rgb a_f = coarse.table()(at.theta_i).a_f;
+      double largest = 0;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double difference = std::abs(other[c] - values[i][c]);
+        const double relative = difference > 0 ? difference / std::max(std::abs(values[i][c]), 1e-300) : 0;
+        largest = std::max(largest, relative + 1e-9 / std::pow(1 - a_f[c] * a_f[c], 4));
+      }
+      errors[i] = std::min(1.0, errors[i] + model.multiple_error + largest);
+    }
+  }
+
   const std::string method = model.method + (dual ? "; dual scattering, times cos theta_i" : "");
   Constants constants = model.constants;
   if (dual) {
@@ -491,6 +556,7 @@ void run_model(
           {"forward_back", &Parts::forward_back}})
       list(name, [&, member = part](std::size_t i) { return parts[i].*member; });
   }
+  json["error_estimate"] = errors;
   json["method"] = method;
   json["seconds"] = seconds;
   output.write(finish_json(std::move(json), constants, context.command_line));
@@ -533,7 +599,8 @@ constexpr const char* frame_footer = "Frame: the fibre along x, normal z; direct
                                      "along the fibre is refused. \"value\": "
                                      "f_s of red, green,\nblue [1/sr], without cosine: the radiance toward "
                                      "the view is the integral of f_s L cos "
-                                     "theta_i.\n";
+                                     "theta_i.\n\"error_estimate\": of each value, "
+                                     "relative, the worst colour's.\n";
 constexpr const char* dual_footer =
     "multiple_scattering {d_f, d_b: density factors, 0..1 [0.7]; back_colour, back_intensity, "
     "back_shift_deg,\n"
@@ -568,7 +635,9 @@ void add_fiber_hair(CLI::App& fiber, Context& context) {
       "a_f, a_b: energy that a strand sends on and back (weights |phi|/pi and 1 - |phi|/pi; a_f at most 1 - "
       "1e-4); A_b: energy\nthat parallel strands send back after one and three turns; alpha, beta: mean "
       "shifts "
-      "and widths; Delta_b, sigma_b: of\nthe light that comes back. Angles of theta_h, in degrees.\n"
+      "and widths; Delta_b, sigma_b: of\nthe light that comes back. Angles of theta_h, in degrees. "
+      "error_estimate: absolute, of A_b, "
+      "Delta_b and sigma_b (angles in\nradians) per colour; of the others it is 1e-9.\n"
       "Example: scatter fiber assembly --sigma-a 0.2,0.3,0.5 --theta-i -60:60:30deg");
   assembly->callback([texts, &context] { run_assembly(*texts, context); });
 

@@ -11,7 +11,6 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -40,7 +39,21 @@ struct Answer {
   exact::MieResult mie;
   std::optional<exact::DebyeResult> debye;
   double seconds = 0;
+  bool validated = true; ///< all of it within what was compared with 60 digits
 };
+
+/// Whether all of it is within what was compared with 60 digits; says so if not.
+bool check_validated(const Request& request) {
+  const double x = request.sphere.size_parameter;
+  const std::string size = size_text(request.sphere);
+  if (x > exact::mie_validated_size_parameter)
+    tell_not_validated("mie", size, exact::mie_validated_size_parameter, "results", 60);
+  else if (!request.orders.empty() && x > exact::debye_validated_size_parameter)
+    tell_not_validated("mie", size, exact::debye_validated_size_parameter, "Debye terms", 60);
+  else
+    return true;
+  return false;
+}
 
 Request parse(const Texts& texts) {
   Request request;
@@ -72,6 +85,15 @@ std::string json_text(const Request& request, const Answer& answer, const std::s
   json["theta_deg"] = request.theta_deg;
   json["S1"] = complex_pairs(result.S1);
   json["S2"] = complex_pairs(result.S2);
+  std::vector<double> S11, S12, S33, S34;
+  for (std::size_t i = 0; i < result.S1.size(); ++i) {
+    const exact::MuellerElements mueller = exact::mueller_elements(result.S1[i], result.S2[i]);
+    S11.push_back(mueller.S11);
+    S12.push_back(mueller.S12);
+    S33.push_back(mueller.S33);
+    S34.push_back(mueller.S34);
+  }
+  json["mueller"] = {{"S11", S11}, {"S12", S12}, {"S33", S33}, {"S34", S34}};
   json["phase_function"] = result.phase_function;
   if (answer.debye) {
     json["orders"] = nlohmann::ordered_json::array();
@@ -87,6 +109,8 @@ std::string json_text(const Request& request, const Answer& answer, const std::s
     add_term(json["remainder"], answer.debye->remainder);
   }
   json["error_estimate"] = result.error_estimate;
+  json["Qback_error_estimate"] = result.Qback_error_estimate;
+  json["validated"] = answer.validated;
   json["method"] = answer.debye ? "Lorenz-Mie, Debye series" : "Lorenz-Mie";
   json["seconds"] = answer.seconds;
   return finish_json(std::move(json), request.sphere.constants(), command);
@@ -109,7 +133,8 @@ std::string csv_text(const Request& request, const Answer& answer, const std::st
   add("# x: {}\n# m: {} {}\n", result.size_parameter, result.index.real(), result.index.imag());
   add("# Qext: {}\n# Qsca: {}\n# Qabs: {}\n# Qback: {}\n# g: {}\n", result.Qext, result.Qsca, result.Qabs,
       result.Qback, result.g);
-  add("# error_estimate: {}\n", result.error_estimate);
+  add("# error_estimate: {}\n# error_estimate of Qback: {}\n", result.error_estimate,
+      result.Qback_error_estimate);
   for (const auto& [name, term] : terms) add("# error_estimate of {}: {}\n", name, term->error_estimate);
   if (answer.debye)
     add("# partial_sum: all orders 0..{0}; remainder: all orders after {0}\n", request.orders.back());
@@ -120,13 +145,9 @@ std::string csv_text(const Request& request, const Answer& answer, const std::st
   add("\n");
   for (std::size_t i = 0; i < request.theta_deg.size(); ++i) {
     const auto S1 = result.S1[i], S2 = result.S2[i];
-    const double perpendicular = std::norm(S1), parallel = std::norm(S2);
-    const double S11 = (parallel + perpendicular) / 2;
-    // The difference of squares as a product: it keeps its digits where the two are nearly equal.
-    const double S12 = (std::abs(S2) - std::abs(S1)) * (std::abs(S2) + std::abs(S1)) / 2;
-    const auto cross = S2 * std::conj(S1);
+    const auto [S11, S12, S33, S34] = exact::mueller_elements(S1, S2);
     add("{},{},{},{},{},{},{},{},{},{},{}", request.theta_deg[i], S1.real(), S1.imag(), S2.real(), S2.imag(),
-        S11, S12, cross.real(), cross.imag(), result.phase_function[i], S11 > 0 ? (0 - S12) / S11 : 0.0);
+        S11, S12, S33, S34, result.phase_function[i], S11 > 0 ? (0 - S12) / S11 : 0.0);
     for (const auto& [name, term] : terms)
       add(",{},{},{},{}", term->S1[i].real(), term->S1[i].imag(), term->S2[i].real(), term->S2[i].imag());
     add("\n");
@@ -154,6 +175,7 @@ void run(const Texts& texts, const Context& context) {
   if (answer.debye)
     for (const auto& order : answer.debye->orders)
       spdlog::info("p = {}: error estimate {:.1e}", order.p, order.error_estimate);
+  answer.validated = check_validated(request);
   output.write(
       output.is_csv() ? csv_text(request, answer, context.command_line)
                       : json_text(request, answer, context.command_line));

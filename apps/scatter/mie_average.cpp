@@ -4,6 +4,7 @@
 #include "exact_options.hpp"
 #include <scatter/drop/size_distribution.hpp>
 #include <scatter/exact/average.hpp>
+#include <scatter/exact/mie.hpp>
 #include <scatter/exact/sun_disc.hpp>
 #include <scatter/optics/errors.hpp>
 #include <scatter/optics/refractive_index.hpp>
@@ -28,6 +29,9 @@ struct Request {
   drop::SizeDistribution sizes;
   exact::AverageRequest average;
   Constants constants;
+  /// The largest sphere's size parameter with its option, where it is beyond what was compared with 60
+  /// digits.
+  std::string not_validated;
 };
 
 std::pair<double, double> parse_band(const std::string& text) {
@@ -70,6 +74,7 @@ Request parse(const AverageTexts& average, const SphereTexts& sphere) {
       average.distribution
           ? read("--distribution", *average.distribution, drop::parse_size_distribution)
           : drop::SizeDistribution::list({read("--radius", *sphere.body.radius, parse_length)}, {1}),
+      {},
       {},
       {}};
   exact::AverageRequest& wanted = request.average;
@@ -155,6 +160,8 @@ Request parse(const AverageTexts& average, const SphereTexts& sphere) {
           "radii{}",
           size_option, radius * 1e6, x, wavelength * 1e9, x < 1 ? "larger" : "smaller",
           average.distribution ? ", or cut the distribution with from= and to=" : ""));
+    if (x > exact::mie_validated_size_parameter)
+      request.not_validated = fmt::format("{}: the largest size parameter {:.9g}", size_option, x);
   }
   return request;
 }
@@ -189,6 +196,7 @@ json_text(const Request& request, const exact::Average& result, double seconds, 
   json["bulk_error"] = result.bulk_error;
   json["error_estimate"] = result.largest_error;
   json["converged"] = result.converged;
+  json["validated"] = request.not_validated.empty();
   json["spheres"] = result.spheres;
   json["method"] = "Lorenz-Mie average";
   json["seconds"] = seconds;
@@ -253,6 +261,8 @@ void run_average(const AverageTexts& average, const SphereTexts& sphere, const C
         "scatter mie: the error estimate is {:.2g}, above --tolerance {:.2g}, after {} spheres; allow more "
         "with --spheres or a larger tolerance\n",
         result.largest_error, request.average.tolerance, result.spheres);
+  if (!request.not_validated.empty())
+    tell_not_validated("mie", request.not_validated, exact::mie_validated_size_parameter, "results", 60);
 
   output.write(
       output.is_csv() ? csv_text(request, result, seconds, context.command_line)

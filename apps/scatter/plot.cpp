@@ -322,7 +322,8 @@ void add_plot(CLI::App& app, Context&) {
       app.add_subcommand("plot", "Draw a table: curves, and the colours that one would see");
   const auto texts = std::make_shared<Texts>();
   verb->add_option(
-      "FILE", texts->file, "Table made by scatter phase: .nc, .exr or .json; none with --lee or --azimuthal");
+      "FILE", texts->file,
+      "Table made by scatter phase: .nc, .exr or .json; none with --lee, --azimuthal or --cloth");
   verb->add_option("--output", texts->output, "Picture to write: .png or .svg")
       ->type_name("PICTURE")
       ->required();

@@ -208,12 +208,11 @@ private:
     std::vector<double> elements[4];
     for (auto& element : elements) element.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
-      const std::complex<double> S1 = mie.S1[i], S2 = mie.S2[i];
-      const double first = std::norm(S1), second = std::norm(S2);
-      elements[0][i] = scale * (second + first) / 2;
-      elements[1][i] = scale * (std::abs(S2) - std::abs(S1)) * (std::abs(S2) + std::abs(S1)) / 2;
-      elements[2][i] = scale * (S2.real() * S1.real() + S2.imag() * S1.imag());
-      elements[3][i] = scale * (S2.imag() * S1.real() - S2.real() * S1.imag());
+      const MuellerElements one = mueller_elements(mie.S1[i], mie.S2[i]);
+      elements[0][i] = scale * one.S11;
+      elements[1][i] = scale * one.S12;
+      elements[2][i] = scale * one.S33;
+      elements[3][i] = scale * one.S34;
     }
     double* const out = sums.data() + bulk_size;
     for (std::size_t i = 0; i < theta_deg_.size(); ++i) {

@@ -15,7 +15,7 @@
 //
 // Where a ray of order p never comes, S_p is what remains when partial waves 1e15 times larger cancel.
 // Coefficients are therefore computed in 32 digits, and angles where the sum in double is not sure of ten
-// digits are summed again.
+// digits, eleven of the whole, are summed again.
 
 #include <scatter/exact/debye.hpp>
 #include <scatter/exact/extended_complex.hpp>
@@ -33,7 +33,9 @@ namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
 constexpr double floor_of_whole = 1e-12; ///< orders far below the whole need no ten digits of their own
-constexpr double sure = 5e-11;           ///< estimated error above which an amplitude is summed again
+/// Estimated errors above which an amplitude is summed again: of orders, and of the whole up to x = 5000,
+/// where Mie's own sum is as good.
+constexpr double sure = 5e-11, sure_of_whole = 5e-12, whole_size = 5000;
 constexpr int most_orders = 1000;
 constexpr double smallest_index = 1e-6; ///< keeps powers of it, and functions of small spheres, in range
 // Late orders are a few resonant partial waves: the roundings of their pi_n do not average out as those of
@@ -229,9 +231,10 @@ double larger(const DebyeTerm& term, std::size_t i) {
 }
 
 /// Sums sets over all angles, first in double, then in 32 digits where that was not sure. whole: nothing
-/// while it is itself what is summed.
+/// while it is itself what is summed. enough: estimated error that an amplitude may have without being summed
+/// again.
 std::vector<DebyeTerm>
-sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, int threads) {
+sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, double enough, int threads) {
   std::vector<PartialWaves> rounded;
   for (auto& set : sets) rounded.push_back(set.take_rounded());
   auto sums = sum_partial_waves(rounded, angles, threads);
@@ -253,7 +256,7 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
     terms[set].S2 = std::move(sums[set].S2);
     for (std::size_t i = 0; i < angles.size(); ++i)
       // "Not surely below": a term that is zero to the last bit is unsure too.
-      if (!(estimate(set, i, sums[set].rounding[i]) <= sure)) unsure[i] = unsure_of[set][i] = true;
+      if (!(estimate(set, i, sums[set].rounding[i]) <= enough)) unsure[i] = unsure_of[set][i] = true;
   }
   std::vector<Angle> again;
   std::vector<std::size_t> place;
@@ -309,11 +312,11 @@ DebyeResult solve(
   std::vector<Set> sets;
   sets.emplace_back(c.whole_error);
   for (std::size_t k = 0; k < count; ++k) sets[0].add(c.a[k].whole, c.b[k].whole);
-  result.whole = std::move(sum(sets, angles, nullptr, threads)[0]);
+  result.whole = std::move(sum(sets, angles, nullptr, x <= whole_size ? sure_of_whole : sure, threads)[0]);
   sets.clear();
 
   const auto flush = [&] {
-    for (auto& term : sum(sets, angles, &result.whole, threads)) {
+    for (auto& term : sum(sets, angles, &result.whole, sure, threads)) {
       result.orders.push_back({std::move(term), orders[result.orders.size()]});
     }
     sets.clear();
@@ -347,7 +350,7 @@ DebyeResult solve(
     sets[0].add(sum_a[k], sum_b[k]);
     sets[1].add(c.a[k].after_first * power_a[k], c.b[k].after_first * power_b[k]);
   }
-  auto rest = sum(sets, angles, &result.whole, threads);
+  auto rest = sum(sets, angles, &result.whole, sure, threads);
   result.partial_sum = std::move(rest[0]);
   result.remainder = std::move(rest[1]);
   return result;

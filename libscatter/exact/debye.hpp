@@ -10,6 +10,9 @@
 /// eq. 4.74, phases referred to the centre: sum over p of S_p is Mie's S.
 namespace scatter::exact {
 
+/// Largest size parameter at which Debye terms were compared with 60 digits.
+inline constexpr double debye_validated_size_parameter = 2e4;
+
 /// One part of the series: amplitudes, one per angle.
 struct DebyeTerm {
   std::vector<std::complex<double>> S1, S2;
@@ -46,9 +49,10 @@ struct DebyeResult {
 /// picture calls external reflection there is p = 0 and the remainder together.
 ///
 /// Accuracy against 60-digit arithmetic, x <= 2e4: 1e-10 of max(|S1_p|, |S2_p|, 1e-12 |S_Mie|), mostly 1e-13,
-/// also where p has no ray and all partial waves cancel. error_estimate was above the error in 150 random
-/// spheres (x to 1600, n 0.05..10, k to 10, orders to 60), mostly by 10 to 100, and below 1e-10. The angle
-/// counts as exact.
+/// also where p has no ray and all partial waves cancel; `whole` 1e-11 of max(|S1|, |S2|), x <= 5e4.
+/// error_estimate was above the error in 150 random spheres (x to 1600, n 0.05..10, k to 10, orders to 60),
+/// mostly by 10 to 100, and below 1e-10. The angle counts as exact. Beyond x = 2e4
+/// (debye_validated_size_parameter) and up to 5e5 it computes the same way, not compared.
 ///
 /// Cost: x |m| steps of 32 digits for the coefficients, then per order Mie's sum over partial waves, and some
 /// 20 times that for angles where double is not enough.

@@ -98,6 +98,7 @@ MieResult solve(
   result.Qsca = c.Qsca;
   result.Qabs = c.Qabs;
   result.Qback = c.Qback;
+  result.Qback_error_estimate = c.back_error;
   result.g = c.g;
   // Qabs follows the squared width of a resonance: twice the coefficient's error, and once more for the width
   // itself.

@@ -652,8 +652,9 @@ SphereCoefficients sphere_coefficients(double x, std::complex<double> index, Ext
   result.Qback = rounded(times(scale, 0.5) * back);
   result.g = rounded(times(totals.asymmetry, 2) / totals.scattered);
   result.relative_error = extended_epsilon * totals.worst / std::sqrt(totals.largest_square);
-  result.back_error =
-      2 * (exact ? extended_epsilon : 6 * epsilon) * std::sqrt(totals.back_squares / back.hi) + 4 * epsilon;
+  result.back_error = 2 * ((exact ? extended_epsilon : 6 * epsilon) + result.relative_error) *
+                          std::sqrt(totals.back_squares / back.hi) +
+                      4 * epsilon;
   weights.resize(4 * count);
   result.waves = PartialWaves(std::move(weights));
   return result;

@@ -116,6 +116,9 @@ struct ArtistHairShading {
   Normalisation normalisation = Normalisation::brightest;
   DualScatteringOptions dual{}; ///< with the adjustments of back and forward scattering
 };
+/// f_s of `single` for direct light; averages and scattered light from `multiple`, or `single` without it,
+/// normalised. Throws InputError that names the field of either set that ArtistHair refuses, and for density
+/// factors outside 0..1.
 [[nodiscard]] DualScattering dual_scattering(const ArtistHairShading& shading);
 
 } // namespace scatter::fiber

@@ -121,6 +121,9 @@ public:
   /// 1 - opacity. Throws InputError when a number is out of range.
   [[nodiscard]] Shadow estimated(double theta_i, double opacity, double strands_of_full_shadow) const;
 
+  /// Angles in radians, clamped to |theta| <= pi/2; the shadow as through() or estimated() give it: direct
+  /// 0..1, variance [rad^2] 0 or more. Averages are those of the table, with its error_estimate(). Throws
+  /// InputError for angles that are not numbers.
   [[nodiscard]] Parts eval(const Angles& angles, const Shadow& shadow) const;
   /// 2 A_b g(sigma_b^2 + variance, theta_h - Delta_b) / (pi cos^2 theta_d): Zinke's local multiple
   /// scattering, with the adjustments; variance [rad^2] is 0 for direct light.

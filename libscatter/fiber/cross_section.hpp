@@ -15,9 +15,9 @@ struct OrderMoments {
 };
 
 /// N_p(phi) [1/rad]: light into the azimuth phi (0 back toward the light, pi straight on) as a share of what
-/// falls on the cross-section; unpolarised. theta_d [rad], |theta_d| < pi/2: the inclination for which the
-/// optics is taken, half the difference of the directions'. Objects do not change: they may be used by many
-/// threads.
+/// falls on the cross-section; unpolarised. theta_d [rad], |theta_d| < pi/2, InputError otherwise: the
+/// inclination for which the optics is taken, half the difference of the directions'. Objects do not change:
+/// they may be used by many threads.
 class CrossSection {
 public:
   virtual ~CrossSection() = default;
@@ -27,7 +27,7 @@ public:
   [[nodiscard]] virtual double distribution(int order, double theta_d, double phi) const = 0;
   [[nodiscard]] virtual OrderMoments moments(int order, double theta_d) const = 0;
   /// All orders from first_order to infinity together; without absorption moments(0..n-1) and residual(n)
-  /// have energies that add up to 1.
+  /// of rays have energies that add up to 1. Those of waves do not: they diffract as well, and interfere.
   [[nodiscard]] virtual OrderMoments residual(int first_order, double theta_d) const = 0;
   /// Azimuths [rad], 0..pi, where N_p has a caustic; increasing, empty if none.
   [[nodiscard]] virtual std::vector<double> caustics(int order, double theta_d) const = 0;

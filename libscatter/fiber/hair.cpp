@@ -54,27 +54,32 @@ HairParameters checked(const HairParameters& parameters) {
 } // namespace
 
 HairScattering::HairScattering(const HairParameters& parameters)
-    : HairScattering(parameters, round_sections(checked(parameters)), 0) {}
-
-HairScattering::HairScattering(
-    const HairParameters& parameters, std::array<std::shared_ptr<const CrossSection>, 3> sections)
-    : HairScattering(checked(parameters), std::move(sections), 0.2) {}
+    : HairScattering(parameters, round_sections(checked(parameters)), 0, 1e-12) {}
 
 HairScattering::HairScattering(
     const HairParameters& parameters, std::array<std::shared_ptr<const CrossSection>, 3> sections,
-    double least_uniform)
+    double tolerance)
+    : HairScattering(checked(parameters), std::move(sections), 0.2, tolerance) {}
+
+HairScattering::HairScattering(
+    const HairParameters& parameters, std::array<std::shared_ptr<const CrossSection>, 3> sections,
+    double least_uniform, double tolerance)
     : parameters_(parameters), sections_(std::move(sections)), rays_(parameters.eta, 0),
       least_uniform_(least_uniform) {
+  for (const auto& section : sections_)
+    if (!section) throw InputError("a cross-section is missing: there is one per colour");
+  if (!(tolerance >= 1e-14 && tolerance <= 1e-2))
+    throw InputError(fmt::format("a tolerance of {} is outside 1e-14..0.01", tolerance));
   const Norm norm =
       parameters_.variant == Variant::printed ? Norm::area_over_theta_h : Norm::area_over_theta_o;
   const double a = parameters_.shift, b = parameters_.width;
   kernels_ = {
       LongitudinalKernel(a, b, norm), LongitudinalKernel(-0.5 * a, 0.5 * b, norm),
       LongitudinalKernel(-1.5 * a, 2 * b, norm), LongitudinalKernel(-1.5 * a, 2 * b, norm)};
-  build();
+  build(tolerance);
 }
 
-void HairScattering::build() {
+void HairScattering::build(double tolerance) {
   // Colours of the same section share the work.
   const auto by_channel = [this](std::size_t values, auto one) {
     return [this, values, one](double theta_d, std::span<double> to) {
@@ -100,7 +105,7 @@ void HairScattering::build() {
               out[3 * lobe + 2] = m.forward_half;
             }
           }),
-      1e-12);
+      tolerance);
   if (least_uniform_ == 0) {
     for (std::size_t c = 0; c < 3; ++c)
       residual_energy_.emplace_back(parameters_.eta, parameters_.sigma_a[c], 3);
@@ -112,14 +117,14 @@ void HairScattering::build() {
             [this](std::size_t c, double theta_d, std::span<double> out) {
               out[0] = sections_[c]->residual(3, theta_d).energy;
             }),
-        1e-12);
+        tolerance);
   }
 }
 
 double HairScattering::residual(std::size_t channel, double theta_d) const {
   if (!parameters_.residual) return 0;
   return residual_energy_.empty()
-             ? residual_table_(channel, theta_d)
+             ? std::max(0.0, residual_table_(channel, theta_d)) // a coarse table's waves
              : residual_energy_[channel](std::cos(std::min(std::abs(theta_d), largest_theta_d)));
 }
 
@@ -153,7 +158,10 @@ Rgb HairScattering::eval(const Angles& at) const {
     const double M = kernels_[lobe](theta_h) / (c * c);
     Rgb N{};
     for (std::size_t channel = 0; channel < 3; ++channel) {
-      N[channel] = lobe == 0 && channel > 0 ? N[0] : azimuthal(lobe, channel, theta_d, angles.phi);
+      // Absorption does not change what a round section of rays reflects outside; of others R may differ.
+      const bool as_before =
+          channel > 0 && ((lobe == 0 && least_uniform_ == 0) || sections_[channel] == sections_[channel - 1]);
+      N[channel] = as_before ? N[channel - 1] : azimuthal(lobe, channel, theta_d, angles.phi);
       sum[channel] += M * N[channel];
     }
   }

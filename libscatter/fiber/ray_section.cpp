@@ -519,6 +519,18 @@ std::vector<double> RaySection::caustics(int order, double theta_d) const {
   return {static_cast<double>(std::abs(std::remainder(azimuth, 2 * pi)))};
 }
 
+double RaySection::error_estimate(int order, double theta_d, double phi) const {
+  if (!std::isfinite(phi)) throw InputError(fmt::format("an azimuth phi of {} is not possible", phi));
+  std::vector<double> edges = caustics(order, theta_d);
+  constexpr double half_turn = std::numbers::pi;
+  const double rim = 2 * order * std::asin(1 / bravais_index(eta_, theta_d)) + (order - 1) * half_turn;
+  edges.push_back(std::abs(std::remainder(rim, 2 * half_turn)));
+  const double around = std::abs(std::remainder(phi, 2 * half_turn));
+  double distance = half_turn;
+  for (const double edge : edges) distance = std::min(distance, std::abs(around - edge));
+  return distance > 1e-15 ? std::clamp(1e-15 / distance, 1e-12, 1.0) : 1;
+}
+
 double RaySection::energy_between(int order, double theta_d, double from, double to) const {
   check(order, theta_d);
   if (!(from >= -std::numbers::pi && to <= std::numbers::pi && from <= to))

@@ -42,6 +42,9 @@ public:
   RaySection(double eta, double sigma_a, Polarisation polarisation = Polarisation::mean);
 
   [[nodiscard]] double distribution(int order, double theta_d, double phi) const override;
+  /// Of distribution(), relative, one rounding of phi included: 1e-12, or 1e-15 over the distance
+  /// of phi to the nearest caustic or rim of the lit azimuths [rad] if that is more, but not above 1.
+  [[nodiscard]] double error_estimate(int order, double theta_d, double phi) const;
   [[nodiscard]] OrderMoments moments(int order, double theta_d) const override;
   [[nodiscard]] OrderMoments residual(int first_order, double theta_d) const override;
   /// residual()'s energy alone, thirty times faster.

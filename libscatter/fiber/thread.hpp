@@ -30,8 +30,8 @@ struct ThreadParameters {
   glm::dvec3 albedo{1, 1, 1}; ///< A: red, green, blue, 0..1
 };
 
-/// Throws InputError for eta outside (1, 10], kd or albedo outside 0..1, gammas outside [0.01 deg, 90 deg):
-/// the message begins with `where` and the field's name as fabric files spell it.
+/// Throws InputError for eta outside (1, 10], kd or albedo outside 0..1, gammas outside 0.01 deg <= gamma <
+/// 90 deg: the message begins with `where` and the field's name as fabric files spell it.
 void check(const ThreadParameters& thread, const std::string& where);
 
 /// The parts of f_s [1/sr]: f_s = surface + albedo * volume.

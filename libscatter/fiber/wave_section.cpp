@@ -18,6 +18,7 @@ namespace scatter::fiber {
 namespace {
 
 constexpr double pi = std::numbers::pi;
+constexpr double largest_tilt = 89.9 / 180 * pi; ///< of exact::cylinder()
 
 /// The term k of a series loses this by averaging.
 double blur(std::size_t k, double width) {
@@ -50,9 +51,16 @@ std::vector<double> intensity(const exact::CylinderAmplitudes& T, double scale) 
 }
 
 void check(double theta_d) {
-  if (!(std::abs(theta_d) <= 89.9 / 180 * pi))
+  if (!(std::abs(theta_d) <= largest_tilt))
     throw InputError(
         fmt::format("theta_d = {} rad is outside what waves are computed for, -89.9..89.9 deg", theta_d));
+}
+
+/// |theta_d| of a section, whose domain goes up to pi/2.
+double tilt_of(double theta_d) {
+  if (!(std::abs(theta_d) < pi / 2))
+    throw InputError(fmt::format("theta_d = {} rad is not between -pi/2 and pi/2", theta_d));
+  return std::min(std::abs(theta_d), largest_tilt);
 }
 
 void check(double eta, double sigma_a, double size_parameter) {
@@ -170,10 +178,10 @@ WaveSection::WaveSection(double eta, double sigma_a, double size_parameter, doub
 }
 
 std::shared_ptr<const WaveProfile> WaveSection::profile(bool residual, int order, double theta_d) const {
-  check(theta_d);
+  const double tilt = tilt_of(theta_d);
   if (order < 0 || order > 1000) throw InputError(fmt::format("order {} is outside 0..1000", order));
   const auto same = [&](const Cache::Entry& entry) {
-    return entry.residual == residual && entry.order == order && entry.theta_d == std::abs(theta_d);
+    return entry.residual == residual && entry.order == order && entry.theta_d == tilt;
   };
   {
     const std::lock_guard lock(cache_->mutex);
@@ -186,10 +194,10 @@ std::shared_ptr<const WaveProfile> WaveSection::profile(bool residual, int order
     orders.resize(static_cast<std::size_t>(order));
     std::iota(orders.begin(), orders.end(), 0);
   }
-  const WaveProfiles made = wave_profiles(eta_, sigma_a_, size_parameter_, std::abs(theta_d), orders);
+  const WaveProfiles made = wave_profiles(eta_, sigma_a_, size_parameter_, tilt, orders);
   auto profile = std::make_shared<const WaveProfile>(residual ? made.rest : made.orders[0]);
   const std::lock_guard lock(cache_->mutex);
-  cache_->entries.push_front({residual, order, std::abs(theta_d), profile});
+  cache_->entries.push_front({residual, order, tilt, profile});
   if (cache_->entries.size() > 64) cache_->entries.pop_back();
   return profile;
 }
@@ -212,7 +220,8 @@ std::vector<double> WaveSection::caustics(int, double) const {
 }
 
 double WaveSection::diffraction(double theta_d, double phi) const {
-  check(theta_d);
+  (void)tilt_of(theta_d); // throws
+  if (!std::isfinite(phi)) throw InputError(fmt::format("an azimuth phi of {} is not possible", phi));
   const double theta = pi - phi, xi = size_parameter_ * std::cos(theta_d), s = xi * std::sin(theta);
   const double sinc = std::abs(s) < 1e-8 ? 1 : std::sin(s) / s, obliquity = (1 + std::cos(theta)) / 2;
   return xi / pi * sinc * sinc * obliquity * obliquity;

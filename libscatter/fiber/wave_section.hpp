@@ -40,8 +40,10 @@ struct WaveProfiles {
 /// size_parameter: k times the radius. eta > 1, sigma_a >= 0 per radius (the index is eta + i sigma_a / (2
 /// x), as a ray's energy falls by exp(-sigma_a) per radius). Shares of what falls on the section: |T|^2 / (pi
 /// x cos theta_d), with |T|^2 the mean over incident polarisations of all four amplitudes, T3 and T4
-/// included. Throws InputError for |theta_d| > 89.9 deg and whatever exact::cylinder() refuses. Accuracy:
-/// that of exact::cylinder().
+/// included. theta_d in radians. Throws InputError for |theta_d| > 89.9 deg, eta <= 1, sigma_a < 0, numbers
+/// that are not finite and size parameters outside 1e-3..1e5 (exact::cylinder() takes thinner cylinders, and
+/// those thinner than their surroundings), orders outside 0..1000, and what else exact::cylinder() refuses.
+/// Accuracy: that of exact::cylinder().
 [[nodiscard]] WaveProfiles
 wave_profiles(double eta, double sigma_a, double size_parameter, double theta_d, std::span<const int> orders);
 
@@ -52,9 +54,15 @@ wave_profiles(double eta, double sigma_a, double size_parameter, double theta_d,
 /// phi| of some wavelengths over the diameter; diffraction() says how that light would lie by itself. Orders
 /// of waves interfere, so that energies of orders do not add up exactly; residual(n) is the wave of all
 /// orders from n on.
+///
+/// theta_d [rad]: beyond +-89.9 deg, where exact::cylinder() ends, orders have the values of 89.9 deg. All
+/// functions of it but caustics() throw InputError for |theta_d| >= pi/2 or not finite, phi not finite, and
+/// orders outside 0..1000.
 class WaveSection final : public CrossSection {
 public:
-  /// width: standard deviation of the Gaussian that averages over azimuth [rad], 0..10.
+  /// width: standard deviation of the Gaussian that averages over azimuth [rad], 0..10; the others as for
+  /// wave_profiles(). Throws InputError for eta <= 1, sigma_a < 0, size parameters outside 1e-3..1e5 and a
+  /// width out of range.
   WaveSection(double eta, double sigma_a, double size_parameter, double width);
 
   [[nodiscard]] double distribution(int order, double theta_d, double phi) const override;

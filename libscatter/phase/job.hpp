@@ -25,7 +25,8 @@ struct Plan {
 /// OpenCL device with fp64.
 [[nodiscard]] Plan plan(const Request& request);
 
-/// What the plan will cost, by the models of planner.hpp; takes a fraction of a second.
+/// What the plan will cost, by the models of planner.hpp; takes a fraction of a second, up to some seconds
+/// with many orders.
 [[nodiscard]] Prediction predict(const Plan& plan);
 
 /// What a run came to.

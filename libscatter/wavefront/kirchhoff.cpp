@@ -159,7 +159,7 @@ IntegralShare integral_share(
       for (int j = 0; j < CoarseRays::azimuths; ++j) {
         const auto& here = coarse.node(order, a, j);
         const auto& next = coarse.node(order, a - 1, j);
-        if (!here.valid || !next.valid) continue;
+        if (!here.goes_out() || !next.goes_out()) continue;
         const double gap =
             std::max(norm(along(here.direction, -1, next.direction)), 2 * pi / CoarseRays::azimuths);
         const double reach = std::max(gap, a == CoarseRays::alphas ? leak : 0.0);

@@ -171,7 +171,7 @@ Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<con
   }
   Places places;
   if (cells.empty()) return places;
-  // Coarse rays are lost where they would leave beyond grazing.
+  // Coarse rays tunnel out where they would leave beyond grazing.
   int grazing = static_cast<int>(rim_from / cell);
   for (int a = grazing; a > 0; --a)
     for (int j = 0; j < CoarseRays::azimuths; ++j)
@@ -593,6 +593,7 @@ private:
 void StretchSum::add(
     const Stretch& s, std::span<const MeridianRay> rays, const Reference& reference, const Layout& layout,
     double phi_deg, std::span<const float> share, std::span<double> sums) {
+  if (rays.empty()) return; // no light of this order comes here
   const double ka = pi * wave_;
   const auto [lowest, highest] = std::ranges::minmax(rays | std::views::transform(&MeridianRay::momentum));
   const double centre = 0.5 * (lowest + highest);
@@ -751,7 +752,7 @@ std::vector<MeridianRay> MeridianIntegral::Implementation::rays_at(
   // The index is the number of focal lines, less one where theta falls while the momentum grows. Rays that
   // tunnel in or out keep the focal lines of the last one that did not, or of the first.
   const auto tunnels = [&](const RingRay& ray) {
-    return ray.lines < 0 || ray.ring + 1 >= places.first_beyond;
+    return ray.lines < 0 || places.step[ray.ring] == 0 || ray.ring >= places.first_beyond;
   };
   double lines = 0;
   bool spreads = false;

@@ -58,7 +58,8 @@ struct RayProgram {
   [[nodiscard]] cl::Buffer job_buffer(const Job& job) const;
 
   /// Rays from (u, v) of the incident plane in units of a, orders 0..last; count is padded. Those that
-  /// reflect totally where they should leave go out by tunnelling, if `tunnelling`.
+  /// reflect totally where they should leave go out by tunnelling, if `tunnelling`: field 0 is 2 for them
+  /// then, and coefficients are those of the curved surface.
   RawRays trace_raw(
       const Light& light, std::span<const double> u, std::span<const double> v, int last,
       bool tunnelling = false);

@@ -48,6 +48,7 @@ TEST(AverageVerb, JsonHoldsWhatTheLibraryComputes) {
   EXPECT_EQ(json.at("g"), expected.g);
   EXPECT_EQ(json.at("error_estimate"), expected.largest_error);
   EXPECT_EQ(json.at("converged"), true);
+  EXPECT_EQ(json.at("validated"), true);
   EXPECT_NEAR(json.at("effective_radius_m").get<double>() / 1e-6, 1, 1e-3);
   EXPECT_NEAR(json.at("effective_variance").get<double>() / 0.1, 1, 1e-3);
   EXPECT_FALSE(json.contains("S1"));
@@ -75,6 +76,20 @@ TEST(AverageVerb, ListsAndRainSayWhatTheyAre) {
   EXPECT_EQ(
       json.at("extinction_per_m").get<double>(),
       json.at("number_per_m3").get<double>() * json.at("Cext_m2").get<double>());
+}
+
+TEST(AverageVerb, TellsWhatIsBeyondTheValidatedDomain) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.file("drops.csv")) << "radius_um,number\n1,3\n5000,1\n";
+  const Outcome outcome = run(
+      {"mie", "--distribution", "list:" + folder.file("drops.csv"), "--wavelength", "500nm", "--angles",
+       "90"});
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_EQ(outcome.error_lines(), 1) << outcome.errors;
+  EXPECT_THAT(
+      outcome.errors,
+      HasSubstr("scatter mie: --distribution: the largest size parameter 62831.8531 is beyond 50000, "));
+  EXPECT_EQ(nlohmann::json::parse(outcome.output).at("validated"), false);
 }
 
 TEST(AverageVerb, TellsWhenTheToleranceIsNotReached) {

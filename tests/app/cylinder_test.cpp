@@ -52,6 +52,7 @@ TEST(CylinderVerb, JsonRoundTripsEveryBit) {
     EXPECT_EQ(json.at(name).at("II"), values.II) << name;
   }
   EXPECT_EQ(json.at("error_estimate"), expected.error_estimate);
+  EXPECT_EQ(json.at("validated"), true);
   EXPECT_EQ(json.at("theta_deg"), nlohmann::json(angles));
   expect_equal(json, expected.amplitudes);
   expect_equal(json.at("remainder"), expected.remainder);
@@ -110,6 +111,22 @@ TEST(CylinderVerb, WithoutOrdersThereAreNone) {
   EXPECT_FALSE(json.contains("orders"));
   EXPECT_FALSE(json.contains("remainder"));
   EXPECT_THAT(json.at("T3").at(0), ElementsAre(0, 0));
+}
+
+TEST(CylinderVerb, TellsWhatIsBeyondTheValidatedDomain) {
+  const Outcome large = run({"cylinder", "--size-parameter", "6000", "--index", "1.55", "--angles", "90"});
+  EXPECT_EQ(large.exit_code, 0);
+  EXPECT_EQ(
+      large.errors,
+      "scatter cylinder: --size-parameter 6000 is beyond 5000, up to which results were compared with 50 "
+      "digits; computed the same way\n");
+  EXPECT_EQ(nlohmann::json::parse(large.output).at("validated"), false);
+  const Outcome tilted =
+      run({"cylinder", "--x", "10", "--index", "1.55", "--tilt=-89.75deg", "--angles", "90"});
+  EXPECT_EQ(tilted.exit_code, 0);
+  EXPECT_EQ(tilted.error_lines(), 1);
+  EXPECT_THAT(tilted.errors, HasSubstr("--tilt: 89.75 deg is beyond 89.5, "));
+  EXPECT_EQ(nlohmann::json::parse(tilted.output).at("validated"), false);
 }
 
 struct Case {

@@ -43,7 +43,9 @@ TEST(FiberAzimuthVerb, JsonHoldsWhatTheLibraryComputes) {
           json.at("N")[i][p],
           section.distribution(
               static_cast<int>(p), theta_d, 22.5 * static_cast<double>(i) * scatter::radians_per_degree));
+    EXPECT_EQ(json.at("error_estimate")[i].size(), 4U);
   }
+  EXPECT_EQ(json.at("error_estimate")[2][1], 1e-12);
   for (int p = 0; p < 4; ++p)
     EXPECT_EQ(json.at("energy")[static_cast<std::size_t>(p)], section.moments(p, theta_d).energy);
   EXPECT_EQ(json.at("residual_energy"), section.residual_energy(4, theta_d));
@@ -53,6 +55,17 @@ TEST(FiberAzimuthVerb, JsonHoldsWhatTheLibraryComputes) {
                                       section.caustics(3, theta_d)[0] / scatter::radians_per_degree));
   EXPECT_THAT(json.at("caustic_order"), ElementsAre(2, 3));
   EXPECT_THAT(json.at("provenance").at("command").get<std::string>(), HasSubstr("--sigma-a 0.2"));
+}
+
+TEST(FiberAzimuthVerb, ErrorsGrowTowardCaustics) {
+  const double caustic = RaySection(1.55, 0).caustics(2, 0)[0] / scatter::radians_per_degree;
+  const Outcome outcome =
+      run({"fiber", "azimuth", "--eta", "1.55", "--orders", "1,2", "--phi", std::to_string(caustic)});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const auto json = nlohmann::json::parse(outcome.output);
+  EXPECT_EQ(json.at("error_estimate")[0][0], 1e-12);
+  // to_string leaves six digits: at most 1e-8 rad beside it.
+  EXPECT_GE(json.at("error_estimate")[0][1].get<double>(), 1e-8);
 }
 
 TEST(FiberAzimuthVerb, EnergiesAddUpWhicheverOrdersAreListed) {

@@ -76,6 +76,8 @@ TEST_F(FiberCloth, JsonOnStandardOutputIsTheLibrarys) {
     EXPECT_EQ(out.at("fabric"), name);
     EXPECT_EQ(out.at("variant"), "printed");
     EXPECT_EQ(out.at("samples"), 64);
+    ASSERT_EQ(out.at("error_estimate").size(), 2U);
+    EXPECT_GE(out.at("error_estimate")[1].get<double>(), 2e-12);
     EXPECT_THAT(
         out.at("provenance").at("command").get<std::string>(), HasSubstr("fiber cloth --fabric " + name));
     EXPECT_GT(expected[0][0], 0);
@@ -137,6 +139,11 @@ TEST_F(FiberCloth, ThreadAloneIsTheLibrarys) {
   EXPECT_EQ(out.at("value").at(1).get<fiber::Rgb>(), linen.eval(at));
   EXPECT_NEAR(out.at("theta_o_deg").at(0).get<double>(), std::asin(0.6) * 180 / 3.141592653589793, 1e-12);
   EXPECT_EQ(out.at("phi_deg").at(0), 0);
+  EXPECT_EQ(out.at("error_estimate"), json::parse("[1e-12, 1e-12]"));
+  // A hundred times as much 0.01 deg from the thread.
+  const Outcome steep =
+      thread(linen_thread, R"([{"light": [0, 0, 1], "view": [1, 0, 1.7453292519943296e-4]}])");
+  EXPECT_NEAR(json::parse(steep.output).at("error_estimate").at(0).get<double>(), 1e-10, 1e-16);
 }
 
 TEST_F(FiberCloth, DirectionsOfAnyLengthAreNormalisedWithOneLine) {

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <cmath>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -72,6 +73,7 @@ TEST_F(FiberHair, AssemblyWritesTheLibrarysAverages) {
     EXPECT_EQ(out.at("beta_b_deg")[0][c], expected.beta_b[c] / radians_per_degree);
     EXPECT_EQ(out.at("Delta_b_deg")[0][c], expected.Delta_b[c] / radians_per_degree);
     EXPECT_EQ(out.at("sigma_b_deg")[0][c], expected.sigma_b[c] / radians_per_degree);
+    EXPECT_EQ(out.at("error_estimate")[0][c], 1e-9 / std::pow(1 - expected.a_f[c] * expected.a_f[c], 4));
   }
   EXPECT_EQ(out.at("lobes"), json::parse(R"(["R", "TT", "TRT"])"));
 }
@@ -111,6 +113,11 @@ TEST_F(FiberHair, HairWritesTheLibrarysValues) {
   EXPECT_EQ(out.at("theta_i_deg")[1], second_pair.theta_i / radians_per_degree);
   EXPECT_EQ(out.at("phi_deg")[1], second_pair.phi / radians_per_degree);
   EXPECT_EQ(out.at("phi_deg")[0], 0);
+  ASSERT_EQ(out.at("error_estimate").size(), 2U);
+  for (const double error : out.at("error_estimate")) {
+    EXPECT_GE(error, 1e-12);
+    EXPECT_LE(error, 1e-10);
+  }
 
   // Melanin: the same as its absorption. Strands: dual scattering, its parts adding up.
   const Outcome brown = model("hair", R"({"melanin": {"eumelanin": 1.3}, "residual": false})");
@@ -128,6 +135,14 @@ TEST_F(FiberHair, HairWritesTheLibrarysValues) {
   const auto expected = shading.eval(second_pair, shading.estimated(second_pair.theta_i, 0.5, 3.5));
   EXPECT_EQ(parts.at("value")[1].get<Rgb>(), expected.sum());
   EXPECT_EQ(parts.at("forward_back")[1].get<Rgb>(), expected.forward_back);
+  // Four times the nodes change values by less than what the file says.
+  fiber::DualScatteringOptions fine;
+  fine.nodes = 721;
+  const fiber::DualScattering finer(standard, standard, fine);
+  const Rgb better = finer.eval(second_pair, finer.estimated(second_pair.theta_i, 0.5, 3.5)).sum();
+  const double error = parts.at("error_estimate")[1];
+  EXPECT_LT(error, 1e-2);
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(expected.sum()[c], better[c], error * better[c]);
 }
 
 TEST_F(FiberHair, ArtistHairWritesTheLibrarysValues) {
@@ -143,6 +158,9 @@ TEST_F(FiberHair, ArtistHairWritesTheLibrarysValues) {
   parameters.glint_half_angle = fiber::glint_half_angle_of(17, 3);
   const fiber::ArtistHair hair(parameters);
   EXPECT_EQ(json::parse(outcome.output).at("value")[1].get<Rgb>(), hair.eval(second_pair));
+  const double error = json::parse(outcome.output).at("error_estimate")[1];
+  EXPECT_GE(error, 1e-12);
+  EXPECT_LE(error, 1e-10);
 
   // The second set feeds multiple scattering only.
   const std::string linked = R"({"primary": {"intensity": 0.3}})",
@@ -163,9 +181,9 @@ TEST_F(FiberHair, WrongFilesAreRefusedByField) {
       {"hair", R"({"eta": "1.55"})", {"eta", "not a number"}},
       {"hair", R"({"sigma_a": [0.1, -0.2, 0.3]})", {"sigma_a: -0.2"}},
       {"hair", R"({"sigma_a": [0.1, 0.2]})", {"sigma_a", "three numbers"}},
-      {"hair", R"({"width_deg": 0})", {"width: 0 deg"}},
-      {"hair", R"({"width_deg": 90})", {"width: 90 deg"}},
-      {"hair", R"({"shift_deg": 90})", {"shift: 90 deg"}},
+      {"hair", R"({"width_deg": 0})", {"width_deg: 0 deg"}},
+      {"hair", R"({"width_deg": 90})", {"width_deg: 90 deg"}},
+      {"hair", R"({"shift_deg": 90})", {"shift_deg: 90 deg"}},
       {"hair", R"({"witdh_deg": 5})", {"witdh_deg", "width_deg"}},
       {"hair", R"({"variant": "print"})", {"variant: \"print\"", "corrected"}},
       {"hair", R"({"residual": 1})", {"residual", "true or false"}},
@@ -175,12 +193,18 @@ TEST_F(FiberHair, WrongFilesAreRefusedByField) {
       {"hair", R"({"multiple_scattering": {"d_f": 2}})", {"multiple_scattering.d_f: 2"}},
       {"hair", "[1]", {"must be an object"}},
       {"hair", R"({"eta": 1.5,})", {"no JSON", "line 1"}},
-      {"artist-hair", R"({"primary": {"width_deg": 0}})", {"primary.width: 0 deg"}},
-      {"artist-hair", R"({"secondary": {"width_deg": 90}})", {"secondary.width: 90 deg"}},
+      {"artist-hair", R"({"primary": {"width_deg": 0}})", {"primary.width_deg: 0 deg"}},
+      {"artist-hair", R"({"secondary": {"width_deg": 90}})", {"secondary.width_deg: 90 deg"}},
       {"artist-hair", R"({"primary": {"colour": [1, -1, 1]}})", {"primary.colour: -1"}},
       {"artist-hair", R"({"multiple": {"primary": {"intensity": -2}}})", {"multiple.primary.intensity: -2"}},
-      {"artist-hair", R"({"transmission_azimuthal_width_deg": 0})", {"transmission_azimuthal_width: 0 deg"}},
-      {"artist-hair", R"({"glint_azimuthal_width_deg": 95})", {"glint_azimuthal_width: 95 deg"}},
+      {"artist-hair",
+       R"({"transmission_azimuthal_width_deg": 0})",
+       {"transmission_azimuthal_width_deg: 0 deg"}},
+      {"artist-hair", R"({"glint_azimuthal_width_deg": 95})", {"glint_azimuthal_width_deg: 95 deg"}},
+      {"artist-hair",
+       R"({"multiple": {"primary": {"shift_deg": 90}}})",
+       {"multiple.primary.shift_deg: 90 deg"}},
+      {"artist-hair", R"({"glint_half_angle_deg": 181})", {"glint_half_angle_deg: 181 deg"}},
       {"artist-hair", R"({"strand": 1.5})", {"strand: 1.5"}},
       {"artist-hair", R"({"normalisation": "none"})", {"normalisation: \"none\""}},
       {"artist-hair", R"({"primary": {"scale": 2}})", {"primary.", "scale", "intensity"}},

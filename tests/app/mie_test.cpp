@@ -42,11 +42,30 @@ TEST(MieVerb, JsonRoundTripsEveryBit) {
   EXPECT_EQ(json.at("Qback"), expected.Qback);
   EXPECT_EQ(json.at("g"), expected.g);
   EXPECT_EQ(json.at("error_estimate"), expected.error_estimate);
+  EXPECT_EQ(json.at("Qback_error_estimate"), expected.Qback_error_estimate);
+  EXPECT_EQ(json.at("validated"), true);
   EXPECT_EQ(json.at("theta_deg"), nlohmann::json(angles));
   EXPECT_EQ(json.at("phase_function"), nlohmann::json(expected.phase_function));
   for (std::size_t i = 0; i < angles.size(); ++i) {
     EXPECT_THAT(json.at("S1").at(i), ElementsAre(expected.S1[i].real(), expected.S1[i].imag()));
     EXPECT_THAT(json.at("S2").at(i), ElementsAre(expected.S2[i].real(), expected.S2[i].imag()));
+  }
+  ASSERT_EQ(json.at("mueller").size(), 4U);
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    // Bohren & Huffman 4.77, from the amplitudes that stand there.
+    const auto amplitude = [&](const char* name) {
+      const auto& pair = json.at(name).at(i);
+      return std::complex<double>(pair.at(0).get<double>(), pair.at(1).get<double>());
+    };
+    const auto element = [&](const char* name) { return json.at("mueller").at(name).at(i).get<double>(); };
+    const std::complex<double> S1 = amplitude("S1"), S2 = amplitude("S2");
+    const double S11 = (std::norm(S2) + std::norm(S1)) / 2, room = 1e-14 * S11;
+    EXPECT_NEAR(element("S11"), S11, room);
+    EXPECT_NEAR(element("S12"), (std::norm(S2) - std::norm(S1)) / 2, room);
+    EXPECT_NEAR(element("S33"), (std::conj(S2) * S1 + S2 * std::conj(S1)).real() / 2, room);
+    EXPECT_NEAR(
+        element("S34"), (std::complex<double>(0, 0.5) * (S1 * std::conj(S2) - S2 * std::conj(S1))).real(),
+        room);
   }
   EXPECT_THAT(json.at("provenance").at("command").get<std::string>(), HasSubstr("--size-parameter 1000.1"));
   EXPECT_FALSE(json.contains("orders"));
@@ -92,6 +111,42 @@ TEST(MieVerb, CsvHoldsAmplitudesAndMuellerMatrix) {
     EXPECT_NEAR(v[10], -v[6] / v[5], 1e-14);
   }
   EXPECT_FALSE(std::getline(file, line));
+}
+
+TEST(MieVerb, TellsWhatIsBeyondTheValidatedDomain) {
+  const auto mie = [](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "mie");
+    arguments.insert(arguments.end(), {"--index", "1.333", "--angles", "90"});
+    return run(arguments);
+  };
+  const auto validated = [](const Outcome& outcome) {
+    return nlohmann::json::parse(outcome.output).at("validated").get<bool>();
+  };
+  const Outcome beyond = mie({"--size-parameter", "60000"});
+  EXPECT_EQ(beyond.exit_code, 0);
+  EXPECT_EQ(
+      beyond.errors, "scatter mie: --size-parameter 60000 is beyond 50000, up to which results were compared "
+                     "with 60 digits; computed the same way\n");
+  EXPECT_FALSE(validated(beyond));
+  const Outcome radius = mie({"--radius", "5mm", "--wavelength", "0.5um"});
+  EXPECT_EQ(radius.exit_code, 0);
+  EXPECT_EQ(radius.error_lines(), 1);
+  EXPECT_THAT(radius.errors, HasSubstr("--radius: the size parameter 62831.8"));
+  EXPECT_FALSE(validated(radius));
+
+  // Debye terms have a domain of their own.
+  const Outcome within = mie({"--x", "20001"}), orders = mie({"--x", "20001", "--orders", "0"});
+  EXPECT_EQ(within.errors, "");
+  EXPECT_TRUE(validated(within));
+  EXPECT_EQ(orders.exit_code, 0);
+  EXPECT_EQ(orders.error_lines(), 1);
+  EXPECT_THAT(orders.errors, HasSubstr("beyond 20000, up to which Debye terms"));
+  EXPECT_FALSE(validated(orders));
+  for (const char* x : {"100", "50000"}) {
+    const Outcome silent = mie({"--x", x});
+    EXPECT_EQ(silent.errors, "") << x;
+    EXPECT_TRUE(validated(silent)) << x;
+  }
 }
 
 TEST(MieVerb, RadiusAndWavelengthGiveTheSizeAndWatersIndex) {

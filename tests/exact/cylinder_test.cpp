@@ -101,7 +101,8 @@ TEST_P(CylinderTruth, Amplitudes) {
     EXPECT_LE(error, amplitude_limit()) << "theta = " << angles[i];
     worst = std::max(worst, error);
   }
-  EXPECT_LE(result.error_estimate, 100 * amplitude_limit()) << "an estimate that says too much says nothing";
+  EXPECT_LE(result.error_estimate, 100 * std::max(worst, 1e-16))
+      << "an estimate that says too much says nothing";
   if (testing::Test::HasFailure() || std::getenv("SCATTER_PRINT_ERRORS"))
     std::printf(
         "%-36s error %.1e, estimate %.1e\n", exact["name"].get<std::string>().c_str(), worst,

@@ -106,6 +106,7 @@ TEST(ArtistHair, NormalisedHairGivesBackAllEnergy) {
     const Angles at{theta_i, -theta_i + 0.1, 2.8};
     EXPECT_NEAR(brightest.eval(at)[1] / hair->eval(at)[1] * plain[0], 1, 1e-7) << theta_i;
   }
+  scatter::test::expect_samples_follow_pdf(brightest, 0.3);
   scatter::test::expect_weights_average_to_albedo(brightest, 0.3, 0.01);
   // Its multiple scattering neither dies out nor blows up.
   const AssemblyAverages averages = assembly_averages(each, 0.2);

@@ -4,6 +4,7 @@
 #include <scatter/fiber/hair.hpp>
 #include <scatter/fiber/hair_program.hpp>
 #include <scatter/fiber/quadrature.hpp>
+#include <scatter/fiber/wave_section.hpp>
 #include <scatter/optics/errors.hpp>
 
 #include <gmock/gmock.h>
@@ -294,6 +295,59 @@ TEST(Hair, OtherSectionsAreSampledToo) {
   scatter::test::expect_samples_follow_pdf(hair, 0.2, 30'000);
   scatter::test::expect_weights_average_to_albedo(hair, 0.2, 0.015, 20'000);
   EXPECT_NEAR(hair.moments(3, 2, 0.1).energy, dark->residual(3, 0.1).energy, 1e-11);
+}
+
+TEST(Hair, SectionsMayBeWaves) {
+  // Thin fibres, widely averaged: cheap, and their R differs from colour to colour.
+  const auto thin = std::make_shared<const WaveSection>(1.55, 0.1, 2.0, 0.5);
+  const auto thicker = std::make_shared<const WaveSection>(1.55, 0.1, 3.0, 0.5);
+  const HairScattering hair(HairParameters{}, {thin, thin, thicker}, 1e-6);
+  const Angles at{0.3, -0.2, 2.5};
+  const Rgb found = hair.eval(at);
+  for (const std::size_t c : {std::size_t{0}, std::size_t{2}}) {
+    const WaveSection& section = c == 0 ? *thin : *thicker;
+    double expected = 0;
+    for (std::size_t lobe = 0; lobe < 4; ++lobe) {
+      const int order = static_cast<int>(lobe);
+      const double N = lobe < 3 ? section.distribution(order, at.theta_d(), at.phi)
+                                : section.residual(3, at.theta_d()).energy / (2 * pi);
+      expected += hair.kernel(lobe)(at.theta_h()) * N / std::pow(std::cos(at.theta_d()), 2);
+      const OrderMoments own =
+          lobe < 3 ? section.moments(order, at.theta_d()) : section.residual(3, at.theta_d());
+      EXPECT_NEAR(hair.moments(lobe, c, at.theta_d()).energy, own.energy, 1e-5) << lobe;
+    }
+    EXPECT_NEAR(found[c], expected, 1e-5 * expected);
+  }
+  EXPECT_EQ(found[0], found[1]);
+  EXPECT_NE(found[0], found[2]);
+  // A lobe's energies against the section's own, by the trapezoidal rule over theta_o.
+  const auto lobes = hair.lobe_energies(at.theta_i);
+  constexpr int steps = 300;
+  for (std::size_t lobe = 0; lobe < 3; ++lobe) {
+    double forward = 0, energy = 0;
+    for (int i = 1; i < steps; ++i) {
+      const double theta_o = pi * (static_cast<double>(i) / steps - 0.5);
+      const double theta_d = 0.5 * (theta_o - at.theta_i), ratio = std::cos(theta_o) / std::cos(theta_d);
+      const double weight = hair.kernel(lobe)(0.5 * (theta_o + at.theta_i)) * ratio * ratio * pi / steps;
+      const OrderMoments own = thicker->moments(static_cast<int>(lobe), theta_d);
+      forward += weight * own.forward;
+      energy += weight * own.energy;
+    }
+    EXPECT_GT(energy, 0);
+    EXPECT_NEAR(lobes[lobe].forward[2], forward, 1e-5) << lobe;
+    EXPECT_NEAR(lobes[lobe].forward[2] + lobes[lobe].backward[2], energy, 1e-5) << lobe;
+  }
+  // Grazing, where the section holds its values.
+  for (const double value : hair.eval({1.5707, -1.5707, 2}))
+    EXPECT_TRUE(std::isfinite(value) && value >= 0) << value;
+  scatter::test::expect_weights_average_to_albedo(hair, 0.3, 0.2, 1'000);
+}
+
+TEST(Hair, SectionsAndToleranceAreChecked) {
+  const auto clear = std::make_shared<const RaySection>(1.55, 0.0);
+  for (const double tolerance : {0.0, -1e-6, 0.1, std::nan("")})
+    EXPECT_THROW(HairScattering(HairParameters{}, {clear, clear, clear}, tolerance), InputError);
+  EXPECT_THROW(HairScattering(HairParameters{}, {clear, nullptr, clear}), InputError);
 }
 
 TEST(Hair, StaysFiniteAtEveryEdge) {

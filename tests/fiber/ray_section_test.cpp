@@ -272,6 +272,21 @@ TEST(RaySection, StaysFiniteAtTheEnds) {
   EXPECT_GT(section.distribution(2, 0, caustic), 1e5);
 }
 
+TEST(RaySection, ErrorEstimateCoversARoundingOfTheAzimuth) {
+  const RaySection section(1.55, 0.2);
+  EXPECT_EQ(section.error_estimate(2, 0.3, 0.1), 1e-12);
+  const double caustic = section.caustics(2, 0.3).at(0);
+  EXPECT_NEAR(section.error_estimate(2, 0.3, 2 * pi - caustic + 1e-5), 1e-10, 1e-14);
+  EXPECT_EQ(section.error_estimate(2, 0.3, caustic), 1);
+  for (double distance = 1e-9; distance < 0.1; distance *= 7) {
+    const double phi = caustic - distance, next = std::nextafter(phi, 0.0);
+    const double here = section.distribution(2, 0.3, phi), beside = section.distribution(2, 0.3, next);
+    EXPECT_NEAR(here, beside, section.error_estimate(2, 0.3, phi) * here) << distance;
+  }
+  EXPECT_THROW((void)section.error_estimate(2, 0.3, std::nan("")), scatter::InputError);
+  EXPECT_THROW((void)section.error_estimate(-1, 0.3, 0), scatter::InputError);
+}
+
 TEST(RaySection, CausticOfTRTEndsWhereBravaisIndexIsTwo) {
   const RaySection section(1.55, 0);
   EXPECT_EQ(section.caustics(2, 46.86 * degree).size(), 1U);

@@ -112,11 +112,28 @@ TEST(WaveSection, RefusesWhatItCannotCompute) {
   EXPECT_THROW(WaveSection(1.5, 0, 10, -0.1), scatter::InputError);
   EXPECT_THROW(WaveSection(1.5, 0, 10, nan), scatter::InputError);
   const WaveSection section(1.5, 0, 10, 0.1);
-  EXPECT_THROW((void)section.distribution(0, 1.5706, 0), scatter::InputError);
+  for (const double theta_d : {pi / 2, -1.6}) {
+    EXPECT_THROW((void)section.distribution(0, theta_d, 0), scatter::InputError);
+    EXPECT_THROW((void)section.residual(3, theta_d), scatter::InputError);
+    EXPECT_THROW((void)section.diffraction(theta_d, 0), scatter::InputError);
+  }
+  EXPECT_THROW((void)wave_profiles(1.5, 0, 10, 1.5706, {}), scatter::InputError);
+  EXPECT_THROW((void)section.moments(1001, 0), scatter::InputError);
+  EXPECT_THROW((void)section.diffraction(0, nan), scatter::InputError);
   EXPECT_THROW((void)section.distribution(-1, 0, 0), scatter::InputError);
   EXPECT_THROW((void)section.distribution(0, 0, nan), scatter::InputError);
   EXPECT_THROW((void)section.moments(0, nan), scatter::InputError);
   EXPECT_TRUE(section.caustics(2, 0).empty());
+}
+
+TEST(WaveSection, HoldsItsValuesBeyondTheLargestTilt) {
+  const WaveSection section(1.5, 0, 10, 0.1);
+  const double last = 89.9 / 180 * pi;
+  for (const double theta_d : {1.5706, -1.5706, std::nextafter(pi / 2, 0.0)}) {
+    EXPECT_EQ(section.distribution(1, theta_d, 2), section.distribution(1, last, 2));
+    EXPECT_EQ(section.moments(0, theta_d).energy, section.moments(0, last).energy);
+    EXPECT_EQ(section.residual(3, theta_d).forward, section.residual(3, last).forward);
+  }
 }
 
 } // namespace

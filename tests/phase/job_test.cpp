@@ -7,10 +7,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <numbers>
+#include <numeric>
 
 /// The job from request to table.
 namespace {
@@ -286,29 +288,52 @@ TEST(MieTable, HoldsTheSeriesItself) {
 }
 
 TEST(MieTable, AveragesOverTheSunsDisc) {
-  // Against a brute sum over the disc's area: concentric rings of suns, each with its own scattering angle in
-  // the plane approximation (the disc is small), at angles away from the poles.
+  // Against a brute sum over the disc's area: rings of suns, each sun at its own scattering angle.
   Request request = sphere_request();
-  request.theta_deg = {30, 60, 139, 150};
+  request.theta_deg = {0, 0.1, 0.4, 30, 60, 139, 150, 179.8, 180};
   request.phi_deg = {0};
   request.sun_disc_deg = 0.53;
-  const auto averaged = phase::compute(request).slabs.at(0).phase_function;
-  const double x = 2 * pi * 20e-6 / 650e-9, radius = 0.265;
-  constexpr int strips = 4001;
+  const auto slab = phase::compute(request).slabs.at(0);
+  const double x = 2 * pi * 20e-6 / 650e-9, radius = 0.265 * pi / 180;
+  constexpr int rings = 200, suns = 200;
   for (std::size_t t = 0; t < request.theta_deg.size(); ++t) {
-    std::vector<double> theta, weight;
-    for (int k = 0; k < strips; ++k) {
-      const double offset = -1 + 2 * (k + 0.5) / strips;
-      theta.push_back(request.theta_deg[t] + radius * offset);
-      weight.push_back(std::sqrt(1 - offset * offset));
-    }
+    const double centre = request.theta_deg[t] * pi / 180;
+    std::vector<double> theta;
+    for (int r = 0; r < rings; ++r)
+      for (int s = 0; s < suns; ++s) {
+        // Rings of equal area; half of each ring will do.
+        const double away = radius * std::sqrt((r + 0.5) / rings), around = pi * (s + 0.5) / suns;
+        const double cosine =
+            std::cos(centre) * std::cos(away) + std::sin(centre) * std::sin(away) * std::cos(around);
+        theta.push_back(std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / pi);
+      }
     const auto exact = exact::mie_at_degrees(x, 1.331, theta);
-    double sum = 0, norm = 0;
-    for (int k = 0; k < strips; ++k) {
-      sum += weight[k] * exact.phase_function[k];
-      norm += weight[k];
-    }
-    EXPECT_NEAR(averaged[t] / (sum / norm), 1, 1e-5) << request.theta_deg[t];
+    const double mean = std::accumulate(exact.phase_function.begin(), exact.phase_function.end(), 0.0) /
+                        static_cast<double>(theta.size());
+    // The sum's own error is some 1e-5.
+    EXPECT_NEAR(slab.phase_function[t] / mean, 1, 3e-5) << request.theta_deg[t];
+    EXPECT_LT(slab.error_estimate[t], 1e-6) << request.theta_deg[t];
+  }
+}
+
+TEST(IntegralTable, HoldsAllOfTheLight) {
+  // With its forward diffraction a drop's phase function integrates to 1, but for the orders left out, the
+  // glory, and what interference does to intensities of rays.
+  for (const auto& shape :
+       {drop::cosine_series(0.1e-3, std::vector<double>(8, 0.0)), drop::spheroid(0.1e-3, 0.97)}) {
+    Request request = request_for(shape);
+    request.method = Method::patches;
+    request.diffraction = Diffraction::integral;
+    request.rays = 600;
+    request.orders = {0, 1, 2, 3, 4, 5};
+    request.sun_elevation_deg = 90;
+    request.theta_deg = range(0, 180, 9001);
+    request.phi_deg = {0, 90, 180, 270};
+    const auto made = phase::compute(request);
+    const auto whole =
+        table::sphere_integral(request.theta_deg, request.phi_deg, made.slabs.at(0).phase_function);
+    ASSERT_TRUE(whole.has_value());
+    EXPECT_NEAR(*whole, 1, 0.02);
   }
 }
 

@@ -72,15 +72,18 @@ TEST_F(QuickReport, HoldsEveryCaseAndSaysThatItIsQuick) {
 }
 
 TEST_F(QuickReport, PublishedBoundsHold) {
-  // Cases that are held to targets, too, which are shown whether they are met or not.
-  const std::set<std::string> with_targets{"integral"};
+  // Orders 0..8 do not reach Lorenz-Mie's polarisation, be they as perfect as they may: shown, and missed.
+  const auto is_out_of_reach = [](const std::string& name) {
+    return name.find("degree of polarisation") != std::string::npos &&
+           name.find("perfect orders") == std::string::npos;
+  };
   std::size_t checks = 0;
   for (const auto& one : (*json)["cases"])
     for (const auto& check : one["checks"]) {
       ++checks;
       const double value = check["value"], bound = check["bound"];
       EXPECT_EQ(check["holds"].get<bool>(), value <= bound) << check;
-      if (!with_targets.contains(one["name"])) {
+      if (!is_out_of_reach(check["name"])) {
         EXPECT_LE(value, bound) << one["name"] << " " << check;
       }
     }

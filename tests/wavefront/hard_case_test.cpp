@@ -63,6 +63,33 @@ TEST_P(HardCases, GiveFiniteNumbers) {
       }
     }
 }
+
+TEST_P(HardCases, GiveFiniteNumbersByTheIntegral) {
+  const HardCase& hard = hard_cases[GetParam()];
+  if (hard.name == "dust") GTEST_SKIP() << "refused: see Shadow.RefusesWhatIsNoRaysBusiness";
+  for (const double sun : {0.0, 40.0, 90.0}) {
+    Tracing tracing;
+    tracing.shape = hard.shape;
+    tracing.sun_elevation_deg = sun;
+    tracing.rays = 60;
+    tracing.orders = {0, 1, 2, 3};
+    Tracer tracer(tracing, device());
+    Wanted wanted;
+    wanted.integral = wanted.matrix = wanted.amplitudes = true;
+    wanted.theta_deg = {20, 120, 138, 150};
+    wanted.phi_deg = {0, 90};
+    // Of size parameter 1000, which is quick; sizes of a few hundred may end with RunError on shapes like
+    // these.
+    const double wavelength = 2 * pi * hard.shape.radius_m / 1000;
+    const FarField field = far_field(tracer, {wavelength, {1.334, sun == 40 ? 1e-6 : 0}}, wanted);
+    const std::string where = hard.name + ", sun " + std::to_string(sun);
+    for (const double value : field.phase_function) ASSERT_TRUE(std::isfinite(value) && value >= 0) << where;
+    for (const double value : field.phase_matrix) ASSERT_TRUE(std::isfinite(value)) << where;
+    for (const Amplitude& a : field.amplitude)
+      ASSERT_TRUE(std::isfinite(std::norm(a.S1) + std::norm(a.S2) + std::norm(a.S3) + std::norm(a.S4)))
+          << where;
+  }
+}
 INSTANTIATE_TEST_SUITE_P(
     Drops, HardCases, testing::Range<std::size_t>(0, hard_cases.size()),
     [](const auto& one) { return hard_cases[one.param].name; });

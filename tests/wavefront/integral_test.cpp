@@ -100,7 +100,8 @@ TEST(DiffractionIntegral, DoesNotDependOnThreads) {
 }
 
 TEST(DiffractionIntegral, DoesNotDependOnItsWindows) {
-  // The same directions of a raindrop with others around them, so that windows have other centres and tapers.
+  // The same directions of a raindrop with others around them, so that bands of angles and windows have other
+  // centres and tapers.
   Tracing tracing;
   tracing.shape = drop::beard_chuang(0.5e-3);
   tracing.sun_elevation_deg = 20;
@@ -108,24 +109,27 @@ TEST(DiffractionIntegral, DoesNotDependOnItsWindows) {
   tracing.rays = 600;
   tracing.focal_lines = FocalLines::exact;
   Tracer tracer(tracing, device());
-  const auto at = [&](double first, double last, double phi_first, double phi_last) {
+  const auto at = [&](bool by_windows, double first, double last, double phi_first, double phi_last) {
     Wanted wanted = integral_at(range(first, last, 0.1));
+    wanted.integral_by_windows = by_windows;
     wanted.phi_deg = range(phi_first, phi_last, 2);
     return far_field(tracer, red, wanted);
   };
-  // 136..139 deg at azimuths 62..66 deg, from the beginning and from the end of the tables.
-  const FarField early = at(136, 143, 62, 72), late = at(133, 139, 56, 66);
-  double peak = 0, worst = 0;
-  for (int t = 0; t <= 30; ++t)
-    for (int f = 0; f <= 2; ++f) {
-      const Amplitude& a = early.amplitude[t * 6 + f];
-      const Amplitude& b = late.amplitude[(t + 30) * 6 + f + 3];
-      peak = std::max({peak, std::abs(a.S1), std::abs(a.S2)});
-      worst = std::max(worst, difference(a, b));
-    }
-  EXPECT_GT(peak, 0);
-  std::printf("other windows: %.3f %% of the peak\n", 100 * worst / peak);
-  EXPECT_LT(worst, 0.01 * peak);
+  for (const bool by_windows : {false, true}) {
+    // 136..139 deg at azimuths 62..66 deg, from the beginning and from the end of the tables.
+    const FarField early = at(by_windows, 136, 143, 62, 72), late = at(by_windows, 133, 139, 56, 66);
+    double peak = 0, worst = 0;
+    for (int t = 0; t <= 30; ++t)
+      for (int f = 0; f <= 2; ++f) {
+        const Amplitude& a = early.amplitude[t * 6 + f];
+        const Amplitude& b = late.amplitude[(t + 30) * 6 + f + 3];
+        peak = std::max({peak, std::abs(a.S1), std::abs(a.S2)});
+        worst = std::max(worst, difference(a, b));
+      }
+    EXPECT_GT(peak, 0);
+    std::printf("other %s: %.3f %% of the peak\n", by_windows ? "windows" : "bands", 100 * worst / peak);
+    EXPECT_LT(worst, 0.01 * peak);
+  }
 }
 
 TEST(DiffractionIntegral, IsTheSameAlongLinesOfAzimuthAndOverWindows) {

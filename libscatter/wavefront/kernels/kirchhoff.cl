@@ -22,7 +22,7 @@
 // up to the rim, so that rays lie evenly in the angle of incidence. They come in cells of the coarse grid.
 typedef struct {
   int alpha, azimuth; // first ray in units of the cell; the cells after the last alpha lie beyond the rim
-  int index;          // mu of the rays beyond the rim
+  int index;          // mu of the rays beyond the rim and of those that tunnel out
   int unused;
 } cell_t;
 
