@@ -66,7 +66,6 @@ TEST_P(HardCases, GiveFiniteNumbers) {
 
 TEST_P(HardCases, GiveFiniteNumbersByTheIntegral) {
   const HardCase& hard = hard_cases[GetParam()];
-  if (hard.name == "dust") GTEST_SKIP() << "refused: see Shadow.RefusesWhatIsNoRaysBusiness";
   for (const double sun : {0.0, 40.0, 90.0}) {
     Tracing tracing;
     tracing.shape = hard.shape;
