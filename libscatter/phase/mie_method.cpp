@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <complex>
 #include <optional>
 #include <vector>
 
@@ -22,11 +21,11 @@ struct SphereMatrices {
 SphereMatrices matrices(const exact::MieResult& mie, double norm) {
   SphereMatrices made;
   for (std::size_t i = 0; i < mie.S1.size(); ++i) {
-    const std::complex<double> S1 = mie.S1[i], S2 = mie.S2[i], cross = S1 * std::conj(S2);
-    made.s11.push_back(norm * 0.5 * (std::norm(S2) + std::norm(S1)));
-    made.s12.push_back(norm * 0.5 * (std::norm(S2) - std::norm(S1)));
-    made.s33.push_back(norm * cross.real());
-    made.s34.push_back(-norm * cross.imag());
+    const exact::MuellerElements elements = exact::mueller_elements(mie.S1[i], mie.S2[i]);
+    made.s11.push_back(norm * elements.S11);
+    made.s12.push_back(norm * elements.S12);
+    made.s33.push_back(norm * elements.S33);
+    made.s34.push_back(norm * elements.S34);
   }
   return made;
 }
