@@ -309,8 +309,8 @@ CaseReport run_pareto(const Settings& settings, const Progress& progress) {
   }
   report.blocks.emplace_back(Heading{"A falling drop"});
   report.blocks.emplace_back(
-      Paragraph{"Both bows of a deformed drop at all azimuths, orders 0..3. Orders 2 and 3 are held to "
-                "within 1 % of their peaks by case <code>drops</code>; what the orders left out cost is in "
+      Paragraph{"Both bows of a deformed drop at all azimuths, orders 0..3. Case <code>drops</code> says how "
+                "far orders 2 and 3 agree with other methods; what the orders left out cost is in "
                 "the tables' <code>error_estimate</code>. The last column multiplies: a table of 33 "
                 "wavelengths, of these angles."});
   report.blocks.emplace_back(std::move(times));
