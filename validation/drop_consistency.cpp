@@ -164,6 +164,7 @@ void add_reciprocity(CaseReport& report, const Settings& settings) {
     int order;
     Diffraction diffraction;
     double theta_deg, phi_deg;
+    double radius_m = 0.5e-3;
   };
   std::vector<Path> paths{
       {0, Diffraction::none, 60, 150},
@@ -178,19 +179,32 @@ void add_reciprocity(CaseReport& report, const Settings& settings) {
                       {3, Diffraction::integral, 125, 90},
                       {3, Diffraction::integral, 126, 120},
                       {3, Diffraction::integral, 126, 150},
-                      {3, Diffraction::integral, 127, 175}});
+                      {3, Diffraction::integral, 127, 175},
+                      {2, Diffraction::integral, 142, 60, 1e-3},
+                      {2, Diffraction::integral, 141, 90, 1e-3},
+                      {2, Diffraction::integral, 140, 150, 1e-3},
+                      {3, Diffraction::integral, 125, 20, 1e-3},
+                      {3, Diffraction::integral, 127, 40, 1e-3},
+                      {3, Diffraction::integral, 128, 60, 1e-3},
+                      {3, Diffraction::integral, 127, 80, 1e-3},
+                      {3, Diffraction::integral, 128, 100, 1e-3},
+                      {3, Diffraction::integral, 126, 120, 1e-3},
+                      {3, Diffraction::integral, 128, 140, 1e-3},
+                      {3, Diffraction::integral, 130, 160, 1e-3},
+                      {3, Diffraction::integral, 132, 175, 1e-3}});
   const double sun_deg = 20;
   Table table{
       "Light along a path and back: complex amplitudes",
-      {"order", "sun", "theta", "phi", "sun on the way back", "phi on the way back", "difference"},
+      {"radius", "order", "sun", "theta", "phi", "sun on the way back", "phi on the way back", "difference"},
       {}};
   report.numbers["reciprocity"] = ordered_json::array();
   double worst = 0;
+  std::vector<double> of_larger_drop;
   for (const Path& path : paths) {
     // Next to a caustic amplitudes have minima: a small difference of a minimum is small beside the maxima.
     const double around = path.diffraction == Diffraction::integral ? 2 : 0;
     const auto compute = [&](double sun, double phi) {
-      Request request = drop_request(settings, 0.5e-3, sun, {path.order});
+      Request request = drop_request(settings, path.radius_m, sun, {path.order});
       request.diffraction = path.diffraction;
       request.rays = 2000;
       request.theta_deg = {path.theta_deg};
@@ -217,14 +231,19 @@ void add_reciprocity(CaseReport& report, const Settings& settings) {
          {std::abs(a.S1 - b.S1), std::abs(a.S2 - b.S2), std::abs(std::abs(a.S3) - std::abs(b.S4)),
           std::abs(std::abs(a.S4) - std::abs(b.S3))})
       difference = larger(difference, error / size);
-    worst = larger(worst, difference);
+    if (path.radius_m > 0.5e-3)
+      of_larger_drop.push_back(difference);
+    else
+      worst = larger(worst, difference);
     report.numbers["reciprocity"].push_back(
-        {{"p", path.order},
+        {{"radius_m", path.radius_m},
+         {"p", path.order},
          {"theta_deg", path.theta_deg},
          {"phi_deg", path.phi_deg},
          {"difference", difference}});
     table.rows.push_back(
-        {fmt::format("{}{}", path.order, path.diffraction == Diffraction::integral ? ", integral" : ""),
+        {fmt::format("{:g} mm", path.radius_m * 1e3),
+         fmt::format("{}{}", path.order, path.diffraction == Diffraction::integral ? ", integral" : ""),
          fmt::format("{:.1f} deg", sun_deg), fmt::format("{:.0f} deg", path.theta_deg),
          fmt::format("{:.1f} deg", path.phi_deg), fmt::format("{:.1f} deg", h_back / radians_per_degree),
          fmt::format("{:.1f} deg", phi_back / radians_per_degree), percent(difference)});
@@ -238,7 +257,16 @@ void add_reciprocity(CaseReport& report, const Settings& settings) {
                 "No ray of the one computation is a ray of the other. Differences are over the "
                 "amplitude, by the integral over the largest within 2 deg."});
   report.blocks.emplace_back(std::move(table));
-  report.checks.push_back({"reciprocity: largest difference of an amplitude", 100 * worst, 2, "%"});
+  report.checks.push_back({"reciprocity: largest difference of an amplitude, 0.5 mm", 100 * worst, 2, "%"});
+  if (of_larger_drop.empty()) return;
+  std::ranges::sort(of_larger_drop);
+  report.blocks.emplace_back(
+      Paragraph{"At 1 mm momenta of order 3 fold before the rim, and where neither a bend nor a twist undoes "
+                "it windows of "
+                "directions take over, which leak more: some azimuths are off by per cents of the peak."});
+  report.checks.push_back(
+      {"reciprocity at 1 mm: median difference", 100 * of_larger_drop[of_larger_drop.size() / 2], 1.5, "%"});
+  report.checks.push_back({"reciprocity at 1 mm: largest difference", 100 * of_larger_drop.back(), 5, "%"});
 }
 
 /// The flattening at which the equatorial plane's bow ray is focused across the plane, too.

@@ -48,9 +48,13 @@ constexpr double slowest_azimuth = 0.2;
 /// About grazing exit azimuths turn back in narrow stretches, by so much at most [rad]: one of the three rays
 /// there, all of them faint, is enough.
 constexpr double most_turned_back = 0.2;
-/// Away from the rim the determinant of (momentum, azimuth) falls to no less than this share of its largest
-/// on the ring.
-constexpr double least_determinant = 0.05;
+/// The momentum grows with the angle of incidence at least by this share of what it does on a sphere.
+constexpr double slowest_momentum = 0.05;
+/// Rays so near to the rim [rad] say how momenta are to be unfolded.
+constexpr double off_the_rim = 0.25;
+/// A twist of 1 costs as much as momenta that change by this much, in units of a sphere's, otherwise than
+/// they should.
+constexpr double cost_of_twist = 0.2;
 /// Angles of incidence from here on count as next to the rim in any case.
 constexpr double rim_from = 0.93 * pi / 2;
 /// Change of momentum per angle between rays, at most.
@@ -60,11 +64,43 @@ constexpr double steepest_momentum = 1.5;
 constexpr int ring_fields = 16;
 enum Field { turned, theta_of, path, momentum, determinant, jones, foci = 13, turning = 14, spreading = 15 };
 
+/// What a stretch's momenta refer to: X' = X - dW/dtheta, W = bend t^2 / 2 + twist t^3 / 6, t = theta less
+/// the rim's. Stationary phase does not depend on W. Rays that come in at the rim turn with the angle that
+/// they come in at; where that changes a drop's momenta, too, X would have a fold there that no caustic
+/// belongs to. bend undoes that, twist what comes next. On a sphere both are 0.
+struct Reference {
+  double theta = 0, bend = 0, twist = 0;
+  [[nodiscard]] double path(double other) const {
+    const double t = other - theta;
+    return t * t * (0.5 * bend + twist * t / 6);
+  }
+  [[nodiscard]] double momentum(double other) const {
+    const double t = other - theta;
+    return t * (bend + 0.5 * twist * t);
+  }
+  [[nodiscard]] double slope(double other) const { return bend + twist * (other - theta); }
+};
+
+/// Between these angles from the rim [rad] rays pass from one chart to the other, where one is not enough.
+constexpr double chart_overlap[] = {0.12, 0.25};
+
+/// Rays that share a reference.
+struct Chart {
+  enum class Of { all, rim, rest } of = Of::all;
+  Reference reference;
+  [[nodiscard]] double weight(double from_rim) const {
+    if (of == Of::all) return 1;
+    const double next_to_rim = smooth_step(from_rim, chart_overlap[0], chart_overlap[1]);
+    return of == Of::rim ? next_to_rim : 1 - next_to_rim;
+  }
+};
+
 /// Directions of one column and band, and which rays they take.
 struct Stretch {
   int column = 0, first = 0, end = 0; ///< rows
   double middle = 0, half = 0;        ///< theta [rad]
   Taper taper;
+  std::vector<Chart> charts;
   [[nodiscard]] double from() const { return middle + taper.none[0]; }
   [[nodiscard]] double to() const { return middle + taper.none[1]; }
 };
@@ -267,18 +303,12 @@ double allowed_error(int field, double ka, double largest) {
 
 Ring::State Ring::describe(fftw_plan plan, double ka, bool next_to_rim) {
   std::vector<double> unwrapped(azimuths_);
-  double least = 1e300, most = 0;
-  int negative = 0;
   for (int j = 0; j < azimuths_; ++j) {
     if (sample(foci, j) == -1) return State::none;
     for (int f = 0; f < ring_fields; ++f)
       if (!std::isfinite(sample(static_cast<Field>(f), j))) return State::none;
     const double here = sample(turned, j), before = j == 0 ? here : unwrapped[j - 1];
     unwrapped[j] = here - 2 * pi * std::rint((here - before) / (2 * pi));
-    const double size = std::abs(sample(determinant, j));
-    least = std::min(least, size);
-    most = std::max(most, size);
-    negative += sample(determinant, j) < 0 ? 1 : 0;
   }
   // Once around the ring the azimuth has grown by one turn.
   if (std::abs(unwrapped.front() - unwrapped.back()) > 0.5 * pi) return State::none;
@@ -294,8 +324,6 @@ Ring::State Ring::describe(fftw_plan plan, double ka, bool next_to_rim) {
     azimuth_[j + 1] = std::max(azimuth_[j], azimuth_[j + 1]);
   }
   if (turned_back > (next_to_rim ? most_turned_back : 0.0)) return State::none;
-  const bool one_sign = negative == 0 || negative == azimuths_;
-  if (!next_to_rim && (!one_sign || least < least_determinant * most)) return State::none;
   if (!steady) return State::unsmooth;
 
   const int harmonics = azimuths_ / 2;
@@ -404,6 +432,8 @@ public:
         outline_(outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg)),
         outline_data_(rays.cl().upload(outline_.both())) {}
 
+  [[nodiscard]] const Outline& outline() const { return outline_; }
+
   /// Rings `which` of all places, in their order: [ring][field][azimuth].
   [[nodiscard]] std::vector<double> rings(std::span<const std::size_t> which, int azimuths) {
     const Chosen chosen = choose(which);
@@ -486,7 +516,7 @@ std::vector<Ring> make_rings(RingProgram& program, std::size_t workers, double k
 }
 
 /// Whether all rays that a stretch takes are of rings with one ray per azimuth.
-bool serves(std::span<const Ring> rings, const Stretch& s, double phi) {
+bool one_ray_per_azimuth(std::span<const Ring> rings, const Stretch& s, double phi) {
   return std::ranges::none_of(rings, [&](const Ring& ring) {
     if (ring.state() != Ring::State::none) return false;
     for (int j = 0; j < ring.azimuths(); ++j) {
@@ -499,62 +529,146 @@ bool serves(std::span<const Ring> rings, const Stretch& s, double phi) {
   });
 }
 
-/// What a column's momenta refer to: X' = X - dW/dtheta, W = bend (theta - theta_0)^2 / 2. Stationary phase
-/// does not depend on W. Rays that come in at the rim turn with the angle that they come in at; where that
-/// changes a drop's momenta, too, X would have a fold there that no caustic belongs to. On a sphere bend = 0.
-struct Reference {
-  double theta = 0, bend = 0;
-  [[nodiscard]] double path(double other) const { return 0.5 * bend * (other - theta) * (other - theta); }
-  [[nodiscard]] double momentum(double other) const { return bend * (other - theta); }
-};
-
-/// References by azimuth, from the ring at the rim.
+/// References by azimuth, and whether they keep momenta from folding.
 class References {
 public:
-  References() = default;
-  explicit References(const Ring& ring) {
-    const int count = ring.azimuths(), reach = count / 16;
-    std::vector<double> bend(count);
-    for (int j = 0; j < count; ++j) bend[j] = ring.sample(determinant, j) / ring.sample(spreading, j);
-    for (int j = 0; j < count; ++j) {
-      // Where rays leave at grazing incidence, too, the quotient has a pole: the median passes it by.
-      std::vector<double> nearby;
-      for (int i = -reach; i <= reach; ++i) nearby.push_back(bend[(j + i + count) % count]);
-      std::ranges::nth_element(nearby, nearby.begin() + reach);
-      by_azimuth_.push_back({ring.sample(theta_of, j), nearby[reach]});
-      offset_.push_back(ring.psi(j) + ring.sample(turned, j));
-    }
-  }
-  [[nodiscard]] bool empty() const { return by_azimuth_.empty(); }
-  /// Between the two rays around it.
-  [[nodiscard]] Reference at(double phi) const {
-    const std::size_t count = by_azimuth_.size();
-    const auto apart = [&](std::size_t j) {
-      const double a = phi - offset_[j];
-      return a - 2 * pi * std::rint(a / (2 * pi));
-    };
-    for (std::size_t j = 0; j < count; ++j) {
-      const std::size_t next = (j + 1) % count;
-      const double a = apart(j), b = apart(next);
-      if (a < 0 || b >= 0 || a - b > 1) continue;
-      const double share = a / (a - b);
-      return {
-          (1 - share) * by_azimuth_[j].theta + share * by_azimuth_[next].theta,
-          (1 - share) * by_azimuth_[j].bend + share * by_azimuth_[next].bend};
-    }
-    return {};
-  }
+  References(std::span<const Ring> rings, const Places& places, const Outline& outline, double ka);
+
+  /// Charts of all rays that a stretch takes at this azimuth, in each of which the momentum grows with the
+  /// angle of incidence. Empty: there are none.
+  [[nodiscard]] std::vector<Chart> charts(double phi, const Stretch& s) const;
 
 private:
-  std::vector<Reference> by_azimuth_;
-  std::vector<double> offset_; ///< azimuths of directions
+  [[nodiscard]] Reference at_rim(double phi) const;
+
+  static constexpr int knots = 128; ///< even in azimuth
+  /// Of one ring's ray at a knot, by angle of incidence and in units of what the momentum changes by on a
+  /// sphere.
+  struct Change {
+    double from_rim = 0, from_grazing = 0, theta = 0, of_momentum = 0, of_theta = 0;
+    [[nodiscard]] bool is_next_to_rim() const { return from_grazing < off_the_rim; }
+    [[nodiscard]] double with(double slope) const { return of_momentum - slope * of_theta; }
+  };
+  [[nodiscard]] static int knot_at(double phi) {
+    const int knot = static_cast<int>(std::lrint(phi / (2 * pi) * knots)) % knots;
+    return knot < 0 ? knot + knots : knot;
+  }
+  /// At the rim.
+  struct Rim {
+    double azimuth = 0, theta = 0, bend = 0;
+    bool tunnels = false;
+  };
+
+  std::array<std::vector<Change>, knots> changes_; ///< ring by ring, but for those that tunnel
+  std::vector<Rim> rim_;                           ///< none: its rays go elsewhere
 };
+
+References::References(std::span<const Ring> rings, const Places& places, const Outline& outline, double ka) {
+  for (std::size_t r = 0; r < places.first_beyond; ++r) {
+    const Ring& ring = rings[r];
+    const double alpha = places.at[r], from_rim = 0.5 * pi - alpha;
+    if (ring.state() == Ring::State::none || places.step[r] == 0) continue;
+    for (int knot = 0; knot < knots; ++knot) {
+      const int azimuths = ring.azimuths();
+      const double psi_there = ring.around(2 * pi * knot / knots).guess;
+      const int nearest = static_cast<int>(std::lrint(psi_there / (2 * pi) * azimuths)) % azimuths;
+      const int j = nearest < 0 ? nearest + azimuths : nearest;
+      if (ring.sample(foci, j) < 0) continue;
+      const double radius = series_value(outline.radius, std::cos(ring.psi(j)));
+      // Incident area per angle and azimuth; determinants are of (.., azimuth) by the impact point.
+      const double area = radius * radius * std::sin(alpha) * std::cos(alpha);
+      // Beyond the axis a sphere's momentum is negative.
+      const double unit =
+          std::copysign(ring.sample(turning, j) / (area * std::cos(alpha)), ring.sample(momentum, j));
+      changes_[knot].push_back(
+          {from_rim, from_rim, ring.sample(theta_of, j), ring.sample(determinant, j) * unit,
+           ring.sample(spreading, j) * unit});
+    }
+  }
+  if (places.first_beyond == 0 || places.first_beyond >= rings.size()) return;
+  for (std::vector<Change>& changes : changes_) {
+    if (changes.empty()) continue;
+    // Beyond the last one rays tunnel out. There directions turn infinitely fast, within less than a wave
+    // resolves.
+    const double last = changes.back().from_rim;
+    for (Change& change : changes)
+      change.from_grazing = std::sqrt(std::max(change.from_rim * change.from_rim - last * last, 0.0));
+    std::erase_if(changes, [&](const Change& change) { return change.from_grazing < std::cbrt(1 / ka); });
+  }
+  const Ring& last = rings[places.first_beyond - 1];
+  if (last.state() == Ring::State::none) return;
+  const int count = last.azimuths();
+  for (int j = 0; j < count; ++j)
+    rim_.push_back(
+        {last.psi(j) + last.sample(turned, j), last.sample(theta_of, j),
+         last.sample(determinant, j) / last.sample(spreading, j), last.sample(foci, j) < 0});
+  // Where rays begin to tunnel out quotients have poles: medians of those that do likewise pass them by.
+  const std::vector<Rim> as_traced = rim_;
+  for (int j = 0; j < count; ++j) {
+    std::vector<double> nearby;
+    for (int i = -count / 42; i <= count / 42; ++i)
+      if (const Rim& other = as_traced[(j + i + count) % count];
+          other.tunnels == as_traced[j].tunnels && std::isfinite(other.bend))
+        nearby.push_back(other.bend);
+    if (nearby.empty()) nearby.push_back(0);
+    const auto middle = nearby.begin() + static_cast<std::ptrdiff_t>(nearby.size() / 2);
+    std::ranges::nth_element(nearby, middle);
+    rim_[j].bend = *middle;
+  }
+}
+
+Reference References::at_rim(double phi) const {
+  const auto apart = [&](const Rim& rim) {
+    const double a = phi - rim.azimuth;
+    return a - 2 * pi * std::rint(a / (2 * pi));
+  };
+  for (std::size_t j = 0; j < rim_.size(); ++j) {
+    const Rim &before = rim_[j], &after = rim_[(j + 1) % rim_.size()];
+    const double a = apart(before), b = apart(after);
+    if (a < 0 || b >= 0 || a - b > 1) continue;
+    double share = a / (a - b);
+    if (before.tunnels != after.tunnels) share = std::rint(share);
+    return {
+        (1 - share) * before.theta + share * after.theta, (1 - share) * before.bend + share * after.bend, 0};
+  }
+  return {};
+}
+
+std::vector<Chart> References::charts(double phi, const Stretch& s) const {
+  const std::vector<Change>& changes = changes_[knot_at(phi)];
+  const auto unfolds = [&](const Chart& chart) {
+    return std::ranges::all_of(changes, [&](const Change& change) {
+      return change.theta < s.from() || change.theta > s.to() || chart.weight(change.from_rim) == 0 ||
+             change.with(chart.reference.slope(change.theta)) > slowest_momentum;
+    });
+  };
+  const Reference bent = at_rim(phi);
+  // The twist for which the momentum changes off the rim as on a sphere, by least squares.
+  Reference twisted = bent;
+  double above = 0, below = 0;
+  for (const Change& change : changes | std::views::filter(&Change::is_next_to_rim)) {
+    const double by_twist = (change.theta - bent.theta) * change.of_theta;
+    above += by_twist * (change.with(bent.bend) - 1);
+    below += by_twist * by_twist + cost_of_twist * cost_of_twist;
+  }
+  if (below > 0) twisted.twist = above / below;
+  for (const Reference& reference : {bent, twisted})
+    if (const Chart all{Chart::Of::all, reference}; unfolds(all)) return {all};
+  const Chart rest{Chart::Of::rest, {}};
+  if (!unfolds(rest)) return {};
+  for (const Reference& reference : {bent, twisted})
+    if (const Chart rim{Chart::Of::rim, reference}; unfolds(rim)) return {rim, rest};
+  return {};
+}
 
 /// A ray of one azimuth.
 struct MeridianRay {
-  double theta, angular_momentum; ///< about the origin
-  double path, momentum;          ///< as the column's reference has them
-  double weight, index;
+  double theta, path, momentum;
+  double determinant, spreading;               ///< as Field has them
+  double traced_determinant, traced_spreading; ///< the same of a traced ray nearby, for their signs
+  double step, from_rim;                       ///< share of the integral, angle
+  double lines;                                ///< focal lines to infinity
+  bool spreads;                                ///< its theta falls
   std::array<double, 8> jones;
 };
 
@@ -564,7 +678,7 @@ public:
   explicit StretchSum(double wave) : wave_(wave) {}
 
   void
-  add(const Stretch& s, std::span<const MeridianRay> rays, const Reference& reference, const Layout& layout,
+  add(const Stretch& s, const Chart& chart, std::span<const MeridianRay> rays, const Layout& layout,
       double phi_deg, std::span<const float> share, std::span<double> sums);
 
 private:
@@ -591,11 +705,17 @@ private:
 };
 
 void StretchSum::add(
-    const Stretch& s, std::span<const MeridianRay> rays, const Reference& reference, const Layout& layout,
+    const Stretch& s, const Chart& chart, std::span<const MeridianRay> rays, const Layout& layout,
     double phi_deg, std::span<const float> share, std::span<double> sums) {
-  if (rays.empty()) return; // no light of this order comes here
   const double ka = pi * wave_;
-  const auto [lowest, highest] = std::ranges::minmax(rays | std::views::transform(&MeridianRay::momentum));
+  auto taken = rays | std::views::filter([&](const MeridianRay& ray) {
+                 return ray.theta > s.from() && ray.theta < s.to() && chart.weight(ray.from_rim) > 0;
+               });
+  if (taken.empty()) return; // no light of this order comes here
+  const auto momentum_of = [&](const MeridianRay& ray) {
+    return ray.momentum - chart.reference.momentum(ray.theta);
+  };
+  const auto [lowest, highest] = std::ranges::minmax(taken | std::views::transform(momentum_of));
   const double centre = 0.5 * (lowest + highest);
   // In steps, so that many columns share their plans.
   const double reach = std::ceil((0.5 * (highest - lowest) + 0.005) * 32) / 32;
@@ -604,19 +724,22 @@ void StretchSum::add(
   const int modes = static_cast<int>(s.half / mode) + taps, points = quick_size(2 * oversampling * modes);
   const double points_per_xi = points / (2 * pi);
   grid_.assign(8 * static_cast<std::size_t>(points), 0.0);
-  for (const MeridianRay& ray : rays) {
-    const double angle = ray.theta - s.middle;
-    if (angle <= s.taper.none[0] || angle >= s.taper.none[1]) continue;
-    const double xi = (ray.momentum - centre) * xi_per_length;
+  for (const MeridianRay& ray : taken) {
+    const double angle = ray.theta - s.middle, momentum = momentum_of(ray);
+    const double slope = chart.reference.slope(ray.theta);
+    // The index is the number of focal lines, less one where theta falls while the momentum grows.
+    const bool falls = (ray.traced_determinant - slope * ray.traced_spreading < 0) != ray.spreads;
+    const double xi = (momentum - centre) * xi_per_length;
     const double y = std::sqrt(tap_shape * tap_shape - xi * xi * (0.25 * taps * taps));
-    const double weight = ray.weight * s.taper(angle) * (y / (std::exp(y) - std::exp(-y)));
-    const double half_turns = wave_ * (ray.path + ray.momentum * angle) - 0.5 * ray.index;
+    const double weight = ray.step * std::sqrt(std::abs(ray.determinant - slope * ray.spreading)) *
+                          s.taper(angle) * chart.weight(ray.from_rim) * (y / (std::exp(y) - std::exp(-y)));
+    const double half_turns = wave_ * (ray.path + chart.reference.path(ray.theta) + momentum * angle) -
+                              0.5 * (ray.lines - (falls ? 1 : 0));
     // The next order in 1 / lambda of the partial wave lambda = k X that the ray stands for, at the direction
     // that it is meant for: its phase, and the field's turn with the azimuth.
     const double towards = s.middle + std::clamp(angle, -s.half, s.half);
     const double sine_towards = std::sin(towards);
-    const double inverse_lambda =
-        1 / std::copysign(std::max(std::abs(ka * ray.angular_momentum), 5.0), ray.angular_momentum);
+    const double inverse_lambda = 1 / std::copysign(std::max(std::abs(ka * ray.momentum), 5.0), ray.momentum);
     const double phase = 0.375 * inverse_lambda * std::cos(towards) / sine_towards,
                  turned_by = inverse_lambda / sine_towards;
     const double turns = pi * (half_turns - 2 * std::rint(0.5 * half_turns)) - phase;
@@ -662,7 +785,8 @@ void StretchSum::add(
       const double factor = tap[i] * prepared.corrections[m + modes];
       for (int part = 0; part < 8; ++part) sum[part] += factor * grid_[8 * point + part];
     }
-    const double half_turns = wave_ * (rho * centre + reference.path(theta_deg * radians_per_degree)) + 0.75;
+    const double half_turns =
+        wave_ * (rho * centre + chart.reference.path(theta_deg * radians_per_degree)) + 0.75;
     const double turns = -pi * (half_turns - 2 * std::rint(0.5 * half_turns));
     const std::complex<double> factor = std::polar(scale * share[row] / std::sqrt(sin_deg(theta_deg)), turns);
     // From (theta, phi) to transverse_basis().
@@ -693,24 +817,24 @@ struct MeridianIntegral::Implementation {
         places(ring_places(coarse, order, pi * wave, all)), program(rays, light, order, places) {
     if (all.empty()) return;
     rings = make_rings(program, workers, pi * wave, places);
+    const References references(rings, places, program.outline(), pi * wave);
     // What is not served is left to others.
     const std::size_t rows = layout.theta_deg.size();
-    std::erase_if(all, [&](const Stretch& s) {
-      if (serves(rings, s, phi(s.column))) return false;
+    std::erase_if(all, [&](Stretch& s) {
+      const double azimuth = phi(s.column);
+      if (one_ray_per_azimuth(rings, s, azimuth)) s.charts = references.charts(azimuth, s);
+      if (!s.charts.empty()) return false;
       std::fill_n(
           share.begin() + static_cast<std::ptrdiff_t>(s.column * rows) + s.first, s.end - s.first, 0.0F);
       return true;
     });
-    if (places.first_beyond > 0 && places.first_beyond < rings.size() &&
-        rings[places.first_beyond - 1].state() != Ring::State::none)
-      references = References(rings[places.first_beyond - 1]);
   }
 
   [[nodiscard]] double phi_deg(int column) const { return layout.phi_deg[columns.first + column]; }
   [[nodiscard]] double phi(int column) const { return phi_deg(column) * radians_per_degree; }
   /// The rays of one azimuth, ring by ring. found: fields of rays that were searched, `stride` apart.
-  [[nodiscard]] std::vector<MeridianRay> rays_at(
-      double azimuth, const Reference& reference, std::span<const double> found, std::size_t stride) const;
+  [[nodiscard]] std::vector<MeridianRay>
+  rays_at(double azimuth, std::span<const double> found, std::size_t stride) const;
   void add(std::span<double> sums);
 
   const Layout& layout;
@@ -722,11 +846,10 @@ struct MeridianIntegral::Implementation {
   Places places;
   RingProgram program;
   std::vector<Ring> rings;
-  References references;
 };
 
 std::vector<MeridianRay> MeridianIntegral::Implementation::rays_at(
-    double azimuth, const Reference& reference, std::span<const double> found, std::size_t stride) const {
+    double azimuth, std::span<const double> found, std::size_t stride) const {
   struct RingRay {
     std::size_t ring;
     Ring::Values values;
@@ -749,8 +872,7 @@ std::vector<MeridianRay> MeridianIntegral::Implementation::rays_at(
       all_rays.push_back({r, values, values[foci], values[determinant], values[spreading]});
     }
   }
-  // The index is the number of focal lines, less one where theta falls while the momentum grows. Rays that
-  // tunnel in or out keep the focal lines of the last one that did not, or of the first.
+  // Rays that tunnel in or out keep the focal lines of the last one that did not, or of the first.
   const auto tunnels = [&](const RingRay& ray) {
     return ray.lines < 0 || places.step[ray.ring] == 0 || ray.ring >= places.first_beyond;
   };
@@ -767,14 +889,18 @@ std::vector<MeridianRay> MeridianIntegral::Implementation::rays_at(
       spreads = ray.by_theta < 0;
     }
     const Ring::Values& values = ray.values;
-    const bool falls = (ray.by_momentum - reference.bend * ray.by_theta < 0) != spreads;
     MeridianRay made{
         values[theta_of],
+        values[path],
         values[momentum],
-        values[path] + reference.path(values[theta_of]),
-        values[momentum] - reference.momentum(values[theta_of]),
-        places.step[ray.ring] * std::sqrt(std::abs(values[determinant] - reference.bend * values[spreading])),
-        lines - (falls ? 1 : 0),
+        values[determinant],
+        values[spreading],
+        ray.by_momentum,
+        ray.by_theta,
+        places.step[ray.ring],
+        ray.ring < places.first_beyond ? 0.5 * pi - places.at[ray.ring] : 0,
+        lines,
+        spreads,
         {}};
     std::copy_n(values.begin() + jones, 8, made.jones.begin());
     meridian.push_back(made);
@@ -807,14 +933,14 @@ void MeridianIntegral::Implementation::add(std::span<double> sums) {
         searched.empty() ? std::vector<double>{} : program.meridians(searched, rings, azimuth);
     side_by_side(workers, some.size(), [&](std::size_t worker, std::size_t c) {
       const int column = some[c].column;
-      const Reference reference = references.empty() ? Reference{} : references.at(azimuth[c]);
       const std::vector<MeridianRay> meridian =
-          rays_at(azimuth[c], reference, std::span(found).subspan(searched.empty() ? 0 : c), azimuth.size());
+          rays_at(azimuth[c], std::span(found).subspan(searched.empty() ? 0 : c), azimuth.size());
       for (std::size_t i = some[c].first; i < some[c].end; ++i)
-        sum_of_worker[worker].add(
-            all[i], meridian, reference, layout, phi_deg(column),
-            std::span<const float>(share).subspan(column * rows, rows),
-            sums.subspan(column * rows * 8, rows * 8));
+        for (const Chart& chart : all[i].charts)
+          sum_of_worker[worker].add(
+              all[i], chart, meridian, layout, phi_deg(column),
+              std::span<const float>(share).subspan(column * rows, rows),
+              sums.subspan(column * rows * 8, rows * 8));
     });
   }
 }
