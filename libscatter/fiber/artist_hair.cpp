@@ -134,6 +134,22 @@ Rgb ArtistHair::eval_scattered(const Angles& at, const Rgb& variance) const {
   return sum;
 }
 
+std::vector<ScatteredLobe> ArtistHair::scattered_lobes(double, const Rgb& variance) const {
+  std::vector<ScatteredLobe> found(lobe_count);
+  for (std::size_t lobe = 0; lobe < lobe_count; ++lobe) {
+    const LongitudinalKernel& kernel = kernels_[lobe];
+    const double around = 2 * (parts_[lobe].forward_half + (lobe == 2 ? parts_[3].forward_half : 0));
+    found[lobe].shift = kernel.shift();
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double whole = kernel.width() * kernel.width() + variance[c];
+      const double area = variant_ == Variant::printed ? 2 * std::sqrt(2 * pi * whole) : kernel.area();
+      found[lobe].variance[c] = whole;
+      found[lobe].energy[c] = tint_[lobe][c] * area * around;
+    }
+  }
+  return found;
+}
+
 double ArtistHair::longitudinal_energy(std::size_t lobe, double theta_i) const {
   using Sum = std::array<double, 1>;
   return integral_along<Sum>(kernels_[lobe], theta_i, 1e-14, [](double) { return Sum{1}; })[0];
@@ -250,6 +266,14 @@ Rgb NormalisedScattering::eval_scattered(const Angles& angles, const Rgb& varian
   const Rgb factor = factors(bounded(angles).theta_i);
   for (std::size_t c = 0; c < 3; ++c) value[c] *= factor[c];
   return value;
+}
+
+std::vector<ScatteredLobe> NormalisedScattering::scattered_lobes(double theta_i, const Rgb& variance) const {
+  std::vector<ScatteredLobe> lobes = of_->scattered_lobes(theta_i, variance);
+  const Rgb factor = factors(bounded({theta_i, 0, 0}).theta_i);
+  for (ScatteredLobe& lobe : lobes)
+    for (std::size_t c = 0; c < 3; ++c) lobe.energy[c] *= factor[c];
+  return lobes;
 }
 
 double NormalisedScattering::pdf(const Angles& angles) const {

@@ -53,6 +53,8 @@ public:
   [[nodiscard]] ScatteringSample sample(double theta_i, const std::array<double, 3>& u) const override;
   [[nodiscard]] std::vector<LobeEnergy> lobe_energies(double theta_i) const override;
   [[nodiscard]] Rgb eval_scattered(const Angles& angles, const Rgb& variance) const override;
+  [[nodiscard]] std::vector<ScatteredLobe>
+  scattered_lobes(double theta_i, const Rgb& variance) const override;
   [[nodiscard]] const ArtistHairParameters& parameters() const { return parameters_; }
 
 private:
@@ -96,6 +98,8 @@ public:
   [[nodiscard]] ScatteringSample sample(double theta_i, const std::array<double, 3>& u) const override;
   [[nodiscard]] std::vector<LobeEnergy> lobe_energies(double theta_i) const override;
   [[nodiscard]] Rgb eval_scattered(const Angles& angles, const Rgb& variance) const override;
+  [[nodiscard]] std::vector<ScatteredLobe>
+  scattered_lobes(double theta_i, const Rgb& variance) const override;
 
 private:
   /// 1 / E per colour.

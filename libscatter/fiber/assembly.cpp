@@ -26,10 +26,50 @@ void fill_ladder(AssemblyAverages& averages, Variant variant) {
   }
 }
 
+void check_finite(const char* name, double value) {
+  if (!std::isfinite(value)) throw InputError(fmt::format("{}: {} is not finite", name, value));
+}
+
+void check_not_negative(const char* name, double value) {
+  if (!(value >= 0 && std::isfinite(value)))
+    throw InputError(fmt::format("{}: {} is not 0 or more", name, value));
+}
+
+template <typename Fibre>
+std::shared_ptr<Fibre> present(const char* name, std::shared_ptr<Fibre> fibre) {
+  if (!fibre) throw InputError(fmt::format("{}: the fibre is missing", name));
+  return fibre;
+}
+
+Rgb energies(const AssemblyAverages& averages) {
+  Rgb sum{};
+  for (std::size_t c = 0; c < 3; ++c) sum[c] = averages.a_f[c] + averages.a_b[c];
+  return sum;
+}
+
+/// Of A_b g / (pi cos^2 theta_d).
+double back_factor(const DualScatteringOptions& options) {
+  return options.back_energy == BackEnergy::conserved ? 0.5 : 2;
+}
+
+constexpr double least_energy = 1e-290;
+constexpr std::size_t single_nodes = 36;
+/// Wider than this [rad^2 of theta_h] a Gaussian is flat over all of a fibre to 1 %, and is drawn as if it
+/// were no wider.
+constexpr double widest_drawn = 100;
+
 double checked_share(const char* name, double value) {
   if (!(value >= 0 && value <= 1))
     throw InputError(fmt::format("{}: {} is not between 0 and 1", name, value));
   return value;
+}
+
+void check(const Shadow& shadow) {
+  checked_share("shadow.direct", shadow.direct);
+  for (std::size_t c = 0; c < 3; ++c) {
+    check_not_negative("shadow.transmittance", shadow.transmittance[c]);
+    check_not_negative("shadow.variance", shadow.variance[c]);
+  }
 }
 
 } // namespace
@@ -143,10 +183,24 @@ Rgb DualScattering::Parts::sum() const {
 DualScattering::DualScattering(
     std::shared_ptr<const FiberScattering> single, std::shared_ptr<const LobedScattering> multiple,
     const DualScatteringOptions& options)
-    : single_(std::move(single)), multiple_(std::move(multiple)), options_(options),
-      table_(*multiple_, options.variant, options.nodes) {
+    : single_(present("single", std::move(single))), multiple_(present("multiple", std::move(multiple))),
+      options_(options), table_(*multiple_, options.variant, options.nodes) {
   checked_share("d_f", options.d_f);
   checked_share("d_b", options.d_b);
+  const MultipleAdjustments& adjust = options.adjustments;
+  for (std::size_t c = 0; c < 3; ++c) {
+    check_finite("back_colour", adjust.back_colour[c]);
+    check_finite("forward_colour", adjust.forward_colour[c]);
+  }
+  check_finite("back_intensity", adjust.back_intensity);
+  check_finite("forward_intensity", adjust.forward_intensity);
+  check_finite("back_shift", adjust.back_shift);
+  check_finite("back_variance", adjust.back_variance);
+  for (std::size_t i = 0; i < single_nodes; ++i) {
+    const double theta_i = ((static_cast<double>(i) + 0.5) / single_nodes - 0.5) * pi;
+    const Rgb energy = single_ == multiple_ ? energies(table_(theta_i)) : single_->albedo(theta_i);
+    single_energy_.push_back(energy[0] + energy[1] + energy[2]);
+  }
 }
 
 Shadow DualScattering::through(std::span<const double> theta_i) const {
@@ -177,18 +231,30 @@ Shadow DualScattering::estimated(double theta_i, double opacity, double strands_
   return shadow;
 }
 
+double DualScattering::back_variance(double sigma_b, double variance) const {
+  return std::max(sigma_b * sigma_b + variance + options_.adjustments.back_variance, least_variance);
+}
+
+double DualScattering::passed(const Shadow& shadow, std::size_t colour) const {
+  const double T = shadow.transmittance[colour];
+  return options_.variant == Variant::printed ? (options_.d_f * T - shadow.direct) * options_.d_f
+                                              : (1 - shadow.direct) * options_.d_f * T;
+}
+
 Rgb DualScattering::back(const Angles& at, const Rgb& variance) const {
+  for (const double one : variance) check_not_negative("variance", one);
   const Angles angles = bounded(at);
+  return back(table_(angles.theta_i), angles, variance);
+}
+
+Rgb DualScattering::back(const AssemblyAverages& averages, const Angles& angles, const Rgb& variance) const {
   const double theta_d = std::clamp(angles.theta_d(), -largest_theta_d, largest_theta_d);
   const double cosine = std::cos(theta_d);
-  const AssemblyAverages averages = table_(angles.theta_i);
   const MultipleAdjustments& adjust = options_.adjustments;
-  const double energy = options_.back_energy == BackEnergy::conserved ? 0.5 : 2;
   Rgb found{};
   for (std::size_t c = 0; c < 3; ++c) {
-    const double V = std::max(
-        averages.sigma_b[c] * averages.sigma_b[c] + variance[c] + adjust.back_variance, least_variance);
-    found[c] = energy * averages.A_b[c] *
+    const double V = back_variance(averages.sigma_b[c], variance[c]);
+    found[c] = back_factor(options_) * averages.A_b[c] *
                gaussian(V, angles.theta_h() - averages.Delta_b[c] + adjust.back_shift) /
                (pi * cosine * cosine) * adjust.back_colour[c] * adjust.back_intensity;
   }
@@ -196,22 +262,149 @@ Rgb DualScattering::back(const Angles& at, const Rgb& variance) const {
 }
 
 DualScattering::Parts DualScattering::eval(const Angles& at, const Shadow& shadow) const {
+  check(shadow);
   const Angles angles = bounded(at);
-  const double cosine = std::cos(angles.theta_i);
-  const Rgb f_s = single_->eval(angles);
+  return parts(angles, shadow, std::cos(angles.theta_i));
+}
+
+DualScattering::Parts
+DualScattering::multiple(const Angles& angles, const Shadow& shadow, double factor) const {
   const Rgb f_scatter = multiple_->eval_scattered(angles, shadow.variance);
-  const Rgb back_direct = back(angles, {}), back_scatter = back(angles, shadow.variance);
+  const AssemblyAverages averages = table_(angles.theta_i);
+  const Rgb back_direct = back(averages, angles, {}), back_scatter = back(averages, angles, shadow.variance);
   const MultipleAdjustments& adjust = options_.adjustments;
   Parts parts;
   for (std::size_t c = 0; c < 3; ++c) {
-    const double direct = shadow.direct * cosine;
-    const double through = options_.variant == Variant::printed
-                               ? (options_.d_f * shadow.transmittance[c] - shadow.direct) * options_.d_f
-                               : (1 - shadow.direct) * options_.d_f * shadow.transmittance[c];
-    parts.single[c] = direct * f_s[c];
-    parts.back[c] = direct * options_.d_b * back_direct[c];
-    parts.forward[c] = through * cosine * f_scatter[c] * adjust.forward_colour[c] * adjust.forward_intensity;
-    parts.forward_back[c] = through * cosine * pi * options_.d_b * back_scatter[c];
+    const double through = passed(shadow, c) * factor;
+    parts.back[c] = shadow.direct * factor * options_.d_b * back_direct[c];
+    parts.forward[c] = through * f_scatter[c] * adjust.forward_colour[c] * adjust.forward_intensity;
+    parts.forward_back[c] = through * pi * options_.d_b * back_scatter[c];
+  }
+  return parts;
+}
+
+DualScattering::Parts DualScattering::parts(const Angles& angles, const Shadow& shadow, double factor) const {
+  Parts parts = multiple(angles, shadow, factor);
+  const Rgb f_s = single_->eval(angles);
+  for (std::size_t c = 0; c < 3; ++c) parts.single[c] = shadow.direct * factor * f_s[c];
+  return parts;
+}
+
+DualScattering::Mixture DualScattering::mixture(double theta_i, const Shadow& shadow) const {
+  Mixture found;
+  const double at = std::clamp((theta_i / pi + 0.5) * single_nodes - 0.5, 0.0, single_nodes - 1.0);
+  const auto node = std::min(static_cast<std::size_t>(at), single_nodes - 2);
+  found.energies.push_back(
+      shadow.direct *
+      std::lerp(single_energy_[node], single_energy_[node + 1], at - static_cast<double>(node)));
+  const auto add = [&](double shift, double variance, double energy) {
+    if (energy == 0) return;
+    const double deviation = 2 * std::sqrt(std::min(variance, widest_drawn));
+    found.spreads.emplace_back(2 * shift - theta_i, deviation, -pi / 2, pi / 2);
+    found.energies.push_back(std::abs(energy) * found.spreads.back().mass());
+  };
+  const MultipleAdjustments& adjust = options_.adjustments;
+  const AssemblyAverages averages = table_(theta_i);
+  for (std::size_t c = 0; c < 3; ++c) {
+    // Of f_back over all azimuths: d theta_o = 2 d theta_h.
+    const double energy = 4 * back_factor(options_) * averages.A_b[c] * adjust.back_colour[c] *
+                          adjust.back_intensity * options_.d_b;
+    const double shift = averages.Delta_b[c] - adjust.back_shift;
+    add(shift, back_variance(averages.sigma_b[c], 0), energy * shadow.direct);
+    add(shift, back_variance(averages.sigma_b[c], shadow.variance[c]), energy * pi * passed(shadow, c));
+  }
+  for (const ScatteredLobe& lobe : multiple_->scattered_lobes(theta_i, shadow.variance))
+    for (std::size_t c = 0; c < 3; ++c)
+      add(lobe.shift, lobe.variance[c],
+          lobe.energy[c] * adjust.forward_colour[c] * adjust.forward_intensity * passed(shadow, c));
+  for (const double energy : found.energies) found.whole += energy;
+  return found;
+}
+
+double DualScattering::density(const Mixture& mixture, const Angles& angles) const {
+  // Where nothing leaves, directions are the single scattering's.
+  if (!(mixture.whole > least_energy)) return single_->pdf(angles);
+  double along = 0;
+  for (std::size_t k = 0; k < mixture.spreads.size(); ++k)
+    if (mixture.energies[k + 1] > 0)
+      along += mixture.energies[k + 1] * mixture.spreads[k].density(angles.theta_o);
+  double sum = along / (2 * pi * std::max(std::cos(angles.theta_o), 1e-12));
+  if (mixture.energies[0] > 0) sum += mixture.energies[0] * single_->pdf(angles);
+  return sum / mixture.whole;
+}
+
+double DualScattering::pdf(const Angles& at, const Shadow& shadow) const {
+  check(shadow);
+  const Angles angles = bounded(at);
+  return density(mixture(angles.theta_i, shadow), angles);
+}
+
+ScatteringSample
+DualScattering::sample(double theta_i, const Shadow& shadow, const std::array<double, 3>& u) const {
+  check(shadow);
+  theta_i = bounded({theta_i, 0, 0}).theta_i;
+  const Mixture mixed = mixture(theta_i, shadow);
+  std::vector<double> shares{1};
+  if (mixed.whole > least_energy) {
+    shares = mixed.energies;
+    for (double& share : shares) share /= mixed.whole;
+  }
+  const std::size_t part = chosen(shares, u[0]);
+  ScatteringSample drawn;
+  if (part == 0) {
+    // What of u[0] did not choose the part chooses within it.
+    drawn = single_->sample(theta_i, {std::min(u[0] / shares[0], 1 - 0x1p-53), u[1], u[2]});
+  } else {
+    drawn.theta_o = mixed.spreads[part - 1].sample(u[1]);
+    drawn.phi = wrap_angle(2 * pi * u[2]);
+  }
+  const Angles angles{theta_i, drawn.theta_o, drawn.phi};
+  drawn.pdf = density(mixed, angles);
+  drawn.weight = {};
+  if (!(drawn.pdf > 0)) return drawn;
+  drawn.weight = parts(angles, shadow, 1).sum();
+  for (double& weight : drawn.weight) weight *= std::cos(drawn.theta_o) / drawn.pdf;
+  return drawn;
+}
+
+DualScattering::Parts DualScattering::albedo(double theta_i, const Shadow& shadow) const {
+  check(shadow);
+  check_inclination(theta_i);
+  // The Gaussians' own places cut the integral: no narrow one lies between the points of a rule.
+  std::vector<double> cuts;
+  for (int i = 0; i <= 18; ++i) cuts.push_back(pi * (i / 18.0 - 0.5));
+  const Mixture mixed = mixture(theta_i, shadow);
+  for (const TruncatedNormal& spread : mixed.spreads)
+    for (const double away : {-9.0, -3.0, -1.0, 1.0, 3.0, 9.0}) {
+      const double cut = spread.mean() + away * spread.deviation();
+      if (std::abs(cut) < pi / 2) cuts.push_back(cut);
+    }
+  std::ranges::sort(cuts);
+  // back, forward, forward_back; nothing of them depends on phi.
+  using Sums = std::array<double, 9>;
+  const auto at = [&](double theta_o) {
+    const double cosine = std::cos(theta_o);
+    const Parts parts = multiple({theta_i, theta_o, 0}, shadow, 2 * pi * cosine * cosine);
+    Sums sums{};
+    for (std::size_t c = 0; c < 3; ++c) {
+      sums[c] = parts.back[c];
+      sums[3 + c] = parts.forward[c];
+      sums[6 + c] = parts.forward_back[c];
+    }
+    return sums;
+  };
+  Sums sums{};
+  for (std::size_t i = 0; i + 1 < cuts.size(); ++i) {
+    const Sums part = integrate<Sums>(at, cuts[i], cuts[i + 1], 1e-11 * mixed.whole);
+    for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += part[k];
+  }
+  Parts parts;
+  const Rgb single = shadow.direct > 0 ? single_->albedo(theta_i) : Rgb{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    parts.single[c] = shadow.direct * single[c];
+    parts.back[c] = sums[c];
+    parts.forward[c] = sums[3 + c];
+    parts.forward_back[c] = sums[6 + c];
   }
   return parts;
 }

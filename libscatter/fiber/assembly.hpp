@@ -2,6 +2,7 @@
 
 #include <scatter/fiber/fiber_scattering.hpp>
 #include <scatter/fiber/hair.hpp>
+#include <scatter/fiber/longitudinal.hpp>
 
 #include <memory>
 #include <span>
@@ -108,7 +109,8 @@ public:
   };
 
   /// single: what is seen of direct light; multiple: what all averages and scattered light are made from
-  /// (4.6.3). Often the same object. Throws InputError for density factors outside 0..1.
+  /// (4.6.3). Often the same object. Throws InputError for density factors outside 0..1, adjustments that are
+  /// not finite, and a fibre that is missing.
   DualScattering(
       std::shared_ptr<const FiberScattering> single, std::shared_ptr<const LobedScattering> multiple,
       const DualScatteringOptions& options = {});
@@ -122,9 +124,26 @@ public:
   [[nodiscard]] Shadow estimated(double theta_i, double opacity, double strands_of_full_shadow) const;
 
   /// Angles in radians, clamped to |theta| <= pi/2; the shadow as through() or estimated() give it: direct
-  /// 0..1, variance [rad^2] 0 or more. Averages are those of the table, with its error_estimate(). Throws
-  /// InputError for angles that are not numbers.
+  /// 0..1, transmittance and variance [rad^2] 0 or more. Averages are those of the table, with its
+  /// error_estimate(). Throws InputError for angles that are not numbers, and for a shadow out of range.
   [[nodiscard]] Parts eval(const Angles& angles, const Shadow& shadow) const;
+  /// Density [1/sr] with which sample() draws the eye's direction for light from angles.theta_i. Throws as
+  /// eval() does.
+  [[nodiscard]] double pdf(const Angles& angles, const Shadow& shadow) const;
+  /// The eye's direction for light from theta_i [rad], by u as FiberScattering::sample() has it, the weight F
+  /// cos theta_o / pdf with F the sum of the parts without cos theta_i. A part is drawn by its energy:
+  /// `single` by its own sampler, `back`, `forward` and `forward_back` by their Gaussians of theta_h, each
+  /// colour and lobe its own, uniform in phi. Weights are bounded. Those of the Gaussians stay below about
+  /// four times the energy of all parts and colours, each without cos^2 theta_o / cos^2 theta_d, which is at
+  /// most 4; those of `single` are as large as its own sampler's, relative to its energy. Against the sum of
+  /// the three albedos: for hair below 4 up to |theta_i| = 60 deg, below 20 at grazing light. Throws as
+  /// eval() does. With Variant::printed weights of lit hair may be negative, as F is.
+  [[nodiscard]] ScatteringSample
+  sample(double theta_i, const Shadow& shadow, const std::array<double, 3>& u) const;
+  /// Integral of F cos theta_o d omega, |theta_i| < pi/2, part by part: the light that leaves over what falls
+  /// on the strand. `single` has its own albedo's accuracy; the others are integrated along the fibre to
+  /// 1e-9 of their sum. It may be above 1: dual scattering does not conserve energy, see BackEnergy.
+  [[nodiscard]] Parts albedo(double theta_i, const Shadow& shadow) const;
   /// 2 A_b g(sigma_b^2 + variance, theta_h - Delta_b) / (pi cos^2 theta_d): Zinke's local multiple
   /// scattering, with the adjustments; variance [rad^2] is 0 for direct light.
   [[nodiscard]] Rgb back(const Angles& angles, const Rgb& variance) const;
@@ -132,10 +151,29 @@ public:
   [[nodiscard]] const DualScatteringOptions& options() const { return options_; }
 
 private:
+  /// What directions are drawn from: the energy of `single`, then those of the spreads of theta_o, about.
+  struct Mixture {
+    std::vector<TruncatedNormal> spreads;
+    std::vector<double> energies;
+    double whole = 0;
+  };
+  /// The parts times a factor, which is cos theta_i in eval().
+  [[nodiscard]] Parts parts(const Angles& angles, const Shadow& shadow, double factor) const;
+  /// All of them but `single`.
+  [[nodiscard]] Parts multiple(const Angles& angles, const Shadow& shadow, double factor) const;
+  /// Of a colour: the share of the light that the shadow scatters on, with d_f.
+  [[nodiscard]] double passed(const Shadow& shadow, std::size_t colour) const;
+  /// Variance of theta_h of f_back [rad^2].
+  [[nodiscard]] double back_variance(double sigma_b, double variance) const;
+  [[nodiscard]] Rgb back(const AssemblyAverages& averages, const Angles& angles, const Rgb& variance) const;
+  [[nodiscard]] Mixture mixture(double theta_i, const Shadow& shadow) const;
+  [[nodiscard]] double density(const Mixture& mixture, const Angles& angles) const;
+
   std::shared_ptr<const FiberScattering> single_;
   std::shared_ptr<const LobedScattering> multiple_;
   DualScatteringOptions options_;
   AssemblyTable table_;
+  std::vector<double> single_energy_; ///< over theta_i, for the choice of a part only
 };
 
 } // namespace scatter::fiber

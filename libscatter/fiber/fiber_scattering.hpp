@@ -60,6 +60,13 @@ protected:
   [[nodiscard]] ScatteringSample weighed(const Angles& angles) const;
 };
 
+/// One lobe of light that other strands have spread before, as LobedScattering::scattered_lobes() gives it.
+struct ScatteredLobe {
+  double shift = 0; ///< of theta_h [rad]
+  Rgb variance{};   ///< of theta_h [rad^2], the strands' included
+  Rgb energy{}; ///< about what eval_scattered() has of the lobe times cos theta_o d omega, over all theta_o
+};
+
 /// A fibre whose lobes are kernels along it times functions around it, as dual scattering takes them apart.
 class LobedScattering : public FiberScattering {
 public:
@@ -67,6 +74,11 @@ public:
   /// variance has grown by variance[channel] [rad^2], and N^G_X is the mean of N_X over pi/2 <= |phi| <= pi
   /// (4.34, 4.35). phi of the angles does not matter.
   [[nodiscard]] virtual Rgb eval_scattered(const Angles& angles, const Rgb& variance) const = 0;
+  /// The lobes that eval_scattered() is a sum of, to draw directions from: normal distributions of theta_h,
+  /// uniform around the fibre. Shifts and variances are exact; an energy is that of the lobe's peak and
+  /// leaves out cos^2 theta_o / cos^2 theta_d.
+  [[nodiscard]] virtual std::vector<ScatteredLobe>
+  scattered_lobes(double theta_i, const Rgb& variance) const = 0;
 };
 
 /// Where formulas divide by cos theta_d or need |theta_d| < pi/2, it is taken no larger than this: 1e-5 rad

@@ -181,6 +181,24 @@ Rgb HairScattering::eval_scattered(const Angles& at, const Rgb& variance) const 
   return sum;
 }
 
+std::vector<ScatteredLobe> HairScattering::scattered_lobes(double theta_i, const Rgb& variance) const {
+  theta_i = bounded({theta_i, 0, 0}).theta_i;
+  std::vector<ScatteredLobe> found(lobes());
+  for (std::size_t lobe = 0; lobe < lobes(); ++lobe) {
+    const LongitudinalKernel& kernel = kernels_[lobe];
+    const double peak = std::clamp(2 * kernel.shift() - theta_i, -pi / 2, pi / 2);
+    const double theta_d = std::clamp(0.5 * (peak - theta_i), -largest_theta_d, largest_theta_d);
+    found[lobe].shift = kernel.shift();
+    for (std::size_t channel = 0; channel < 3; ++channel) {
+      found[lobe].variance[channel] = kernel.width() * kernel.width() + variance[channel];
+      // The mean over the half circle beyond, all around.
+      found[lobe].energy[channel] =
+          kernel.area() * 2 * std::max(0.0, moments(lobe, channel, theta_d).forward_half);
+    }
+  }
+  return found;
+}
+
 std::array<double, HairScattering::lobe_count> HairScattering::choice(double theta_i) const {
   std::array<double, lobe_count> q{};
   double sum = 0;

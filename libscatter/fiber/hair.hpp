@@ -68,6 +68,8 @@ public:
   /// |theta_i| < pi/2. Four lobes, or three without the residual.
   [[nodiscard]] std::vector<LobeEnergy> lobe_energies(double theta_i) const override;
   [[nodiscard]] Rgb eval_scattered(const Angles& angles, const Rgb& variance) const override;
+  [[nodiscard]] std::vector<ScatteredLobe>
+  scattered_lobes(double theta_i, const Rgb& variance) const override;
 
   [[nodiscard]] const HairParameters& parameters() const { return parameters_; }
   [[nodiscard]] std::size_t lobes() const { return parameters_.residual ? 4 : 3; }

@@ -67,6 +67,17 @@ double LongitudinalKernel::spread(double variance, double theta_h) const {
   }
 }
 
+double LongitudinalKernel::area() const {
+  switch (norm_) {
+  case Norm::area_over_theta_o:
+    return 1;
+  case Norm::area_over_theta_h:
+    return 2;
+  default:
+    return 2 * width_ * std::sqrt(2 * pi);
+  }
+}
+
 double LongitudinalKernel::sample(double theta_i, double u) const {
   return TruncatedNormal(2 * shift_ - theta_i, 2 * width_, -pi / 2, pi / 2).sample(u);
 }

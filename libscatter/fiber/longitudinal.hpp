@@ -42,6 +42,9 @@ public:
   /// The kernel of light that comes with this much variance [rad^2] of theta_h already: wider, with the same
   /// area as without, whatever the norm.
   [[nodiscard]] double spread(double variance, double theta_h) const;
+  /// Integral of spread(variance, theta_h) over all theta_o, beyond +-pi/2 as well: the same for every
+  /// variance.
+  [[nodiscard]] double area() const;
 
   /// theta_o of light from theta_i, for u in 0..1: the kernel as a distribution over -pi/2..pi/2, where what
   /// lies beyond is left out. Exact to rounding: the distribution's inverse, no rejection.
@@ -90,6 +93,10 @@ public:
   TruncatedNormal(double mean, double deviation, double first, double last);
   [[nodiscard]] double sample(double u) const;
   [[nodiscard]] double density(double x) const;
+  [[nodiscard]] double mean() const { return mean_; }
+  [[nodiscard]] double deviation() const { return deviation_; }
+  /// Share of the distribution that the cut leaves; 0 where it is taken as uniform.
+  [[nodiscard]] double mass() const { return mass_; }
 
 private:
   double mean_, deviation_, first_, last_;

@@ -1,5 +1,6 @@
 // Assemblies: averages against brute force, ladder sums against the paths they stand for, dual scattering's
 // parts.
+#include "sampling.hpp"
 #include <scatter/fiber/artist_hair.hpp>
 #include <scatter/fiber/assembly.hpp>
 #include <scatter/optics/errors.hpp>
@@ -10,6 +11,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <map>
 
 namespace {
@@ -322,6 +324,221 @@ TEST(DualScattering, BackEnergyIsThatOfTheLadderSums) {
     EXPECT_NEAR(other[c], averages.A_b[c], 0.005 * averages.A_b[c]);
     EXPECT_NEAR(one[c], 4 * averages.A_b[c], 0.02 * averages.A_b[c]);
   }
+}
+
+/// Dual scattering under one shadow, as a fibre: for the tests that every fibre passes.
+struct Shaded : FiberScattering {
+  Shaded(DualScattering of, Shadow under) : dual(std::move(of)), shadow(under) {}
+  using FiberScattering::eval;
+  [[nodiscard]] Rgb eval(const Angles& angles) const override {
+    Rgb sum = dual.eval(angles, shadow).sum();
+    for (double& value : sum) value /= std::cos(angles.theta_i);
+    return sum;
+  }
+  [[nodiscard]] double pdf(const Angles& angles) const override { return dual.pdf(angles, shadow); }
+  [[nodiscard]] ScatteringSample sample(double theta_i, const std::array<double, 3>& u) const override {
+    return dual.sample(theta_i, shadow, u);
+  }
+  [[nodiscard]] std::vector<LobeEnergy> lobe_energies(double theta_i) const override {
+    return {{0, 0, dual.albedo(theta_i, shadow).sum(), {}}};
+  }
+  DualScattering dual;
+  Shadow shadow;
+};
+
+/// Light hair, dark hair and hair with an artist's controls, whose single and multiple scattering differ.
+std::vector<DualScattering> shadings() {
+  DualScatteringOptions options;
+  options.nodes = 61;
+  HairParameters light, dark;
+  light.sigma_a = {0.02, 0.06, 0.2};
+  dark.sigma_a = {0.6, 1.2, 3};
+  dark.residual = false;
+  std::vector<DualScattering> found;
+  const auto blond = std::make_shared<const HairScattering>(light);
+  found.emplace_back(blond, blond, options);
+  options.back_energy = BackEnergy::conserved;
+  const auto black = std::make_shared<const HairScattering>(dark);
+  found.emplace_back(black, black, options);
+  ArtistHairShading artist;
+  artist.multiple = ArtistHairParameters{};
+  artist.multiple->secondary.width = 0.4;
+  artist.dual = options;
+  artist.dual.adjustments.back_colour = {1, 0.3, 0};
+  artist.dual.adjustments.back_shift = 0.15;
+  artist.dual.adjustments.forward_intensity = 2;
+  found.push_back(dual_scattering(artist));
+  return found;
+}
+
+TEST(DualScattering, SamplesFollowTheirDensity) {
+  for (const DualScattering& dual : shadings())
+    for (const auto& [theta_i, opacity, strands] :
+         {std::array{0.0, 0.0, 0.0}, {0.5, 0.3, 2.0}, {-1.2, 0.5, 6.0}, {0.9, 1.0, 40.0}}) {
+      SCOPED_TRACE(testing::Message() << strands << " strands, opacity " << opacity);
+      const Shadow shadow = dual.estimated(theta_i, opacity, strands);
+      scatter::test::expect_samples_follow_pdf(Shaded(dual, shadow), theta_i, 30'000);
+    }
+}
+
+TEST(DualScattering, WeightsAverageToTheAlbedo) {
+  for (const DualScattering& dual : shadings())
+    for (const double theta_i : {0.0, -0.7, 1.3})
+      for (const double opacity : {0.0, 0.5, 1.0}) {
+        const Shadow shadow = dual.estimated(theta_i, opacity, 5);
+        scatter::test::expect_weights_average_to_albedo(Shaded(dual, shadow), theta_i, 0.03, 10'000);
+      }
+}
+
+/// The trapezoid rule over the sphere, which knows nothing of lobes, on eval() itself.
+TEST(DualScattering, AlbedoIsTheIntegralOfEval) {
+  for (const DualScattering& dual : shadings())
+    for (const double theta_i : {0.4, -1.4}) {
+      Shadow shadow = dual.estimated(theta_i, 0.4, 5);
+      const auto found = dual.albedo(theta_i, shadow);
+      Rgb back{}, forward{}, forward_back{};
+      constexpr int steps = 4000;
+      for (int i = 1; i < steps; ++i) {
+        const double theta_o = pi * (1.0 * i / steps - 0.5);
+        const auto parts = dual.eval({theta_i, theta_o, 0.3}, shadow);
+        const double area = pi / steps * 2 * pi * std::cos(theta_o) * std::cos(theta_o) / std::cos(theta_i);
+        for (std::size_t c = 0; c < 3; ++c) {
+          back[c] += parts.back[c] * area;
+          forward[c] += parts.forward[c] * area;
+          forward_back[c] += parts.forward_back[c] * area;
+        }
+      }
+      const Rgb all = found.sum();
+      const double whole = all[0] + all[1] + all[2];
+      for (std::size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(found.back[c], back[c], 1e-9 * whole);
+        EXPECT_NEAR(found.forward[c], forward[c], 1e-9 * whole);
+        EXPECT_NEAR(found.forward_back[c], forward_back[c], 1e-9 * whole);
+      }
+      // Nothing of multiple scattering is left with no strands before, and none of the single with many.
+      shadow = dual.through({});
+      EXPECT_EQ(dual.albedo(theta_i, shadow).forward[0], 0);
+      shadow.direct = 0;
+      EXPECT_EQ(dual.albedo(theta_i, shadow).single[0], 0);
+    }
+}
+
+TEST(DualScattering, WeightsAreBounded) {
+  double steep = 0, grazing = 0;
+  for (const DualScattering& dual : shadings())
+    for (const double theta_i : {-1.57, -1.0, 0.0, 0.6, 1.5})
+      for (const double opacity : {0.0, 0.7, 1.0}) {
+        const Shadow shadow = dual.estimated(theta_i, opacity, 12);
+        const Rgb albedo = dual.albedo(theta_i, shadow).sum();
+        double& largest = std::abs(theta_i) > pi / 3 ? grazing : steep;
+        for (int i = 0; i < 2000; ++i) {
+          // Weyl's sequence fills the corners too.
+          const auto part = [i](double step) { return std::fmod(0.5 + i * step, 1); };
+          const ScatteringSample sample =
+              dual.sample(theta_i, shadow, {part(0.8191725134), part(0.6710436067), part(0.5497004779)});
+          for (const double weight : sample.weight) {
+            ASSERT_TRUE(std::isfinite(weight) && weight >= 0);
+            largest = std::max(largest, weight / (albedo[0] + albedo[1] + albedo[2]));
+          }
+        }
+      }
+  EXPECT_LT(steep, 4);
+  EXPECT_LT(grazing, 20);
+}
+
+TEST(DualScattering, SamplesAreFiniteAtTheEdges) {
+  const double last = 1 - 0x1p-53;
+  for (const DualScattering& dual : shadings())
+    for (const double theta_i : {-pi / 2, -1.5707, 0.0, pi / 2, 2.0})
+      for (const double strands : {0.0, 3.0, 1e6})
+        for (const double opacity : {0.0, 1e-9, 1.0}) {
+          const Shadow shadow = dual.estimated(std::clamp(theta_i, -1.5, 1.5), opacity, strands);
+          for (const double a : {0.0, 0.5, last})
+            for (const double b : {0.0, 0.5, last}) {
+              const ScatteringSample sample = dual.sample(theta_i, shadow, {a, b, a});
+              EXPECT_TRUE(std::abs(sample.theta_o) <= pi / 2 && std::abs(sample.phi) <= pi);
+              EXPECT_TRUE(std::isfinite(sample.pdf) && sample.pdf >= 0);
+              for (const double weight : sample.weight)
+                EXPECT_TRUE(std::isfinite(weight) && weight >= 0) << theta_i << " " << strands;
+            }
+        }
+  // Of a black fibre nothing leaves, yet directions are drawn.
+  HairParameters parameters;
+  const auto hair = std::make_shared<const HairScattering>(parameters);
+  DualScatteringOptions options;
+  options.nodes = 12;
+  options.d_f = options.d_b = 0;
+  const DualScattering nothing(hair, hair, options);
+  Shadow shadow;
+  shadow.direct = 0;
+  const ScatteringSample sample = nothing.sample(0.2, shadow, {0.2, 0.3, 0.4});
+  EXPECT_GT(sample.pdf, 0);
+  EXPECT_EQ(sample.weight, Rgb{});
+  EXPECT_EQ(nothing.albedo(0.2, shadow).sum(), Rgb{});
+}
+
+TEST(DualScattering, PrintedVariantIsSampledToo) {
+  HairParameters parameters;
+  parameters.variant = Variant::printed;
+  const auto hair = std::make_shared<const HairScattering>(parameters);
+  DualScatteringOptions options;
+  options.variant = Variant::printed;
+  options.nodes = 61;
+  const DualScattering dual(hair, hair, options);
+  // Forward scattering is negative where light is direct: so are weights, whose mean is the albedo still.
+  const Shaded lit(dual, dual.estimated(0.3, 0.2, 3));
+  EXPECT_LT(lit.dual.albedo(0.3, lit.shadow).forward[0], 0);
+  std::mt19937_64 generator(9);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  Rgb sum{}, square{};
+  constexpr int samples = 30'000;
+  for (int i = 0; i < samples; ++i) {
+    const double a = uniform(generator), b = uniform(generator), c = uniform(generator);
+    const Rgb weight = lit.sample(0.3, {a, b, c}).weight;
+    for (std::size_t k = 0; k < 3; ++k) {
+      sum[k] += weight[k] / samples;
+      square[k] += weight[k] * weight[k] / samples;
+    }
+  }
+  const Rgb albedo = lit.albedo(0.3);
+  for (std::size_t k = 0; k < 3; ++k)
+    EXPECT_NEAR(sum[k], albedo[k], 5 * std::sqrt((square[k] - sum[k] * sum[k]) / samples));
+}
+
+TEST(DualScattering, RefusesWhatItCannotShade) {
+  const auto hair = std::make_shared<const HairScattering>(HairParameters{});
+  DualScatteringOptions options;
+  options.nodes = 12;
+  const DualScattering dual(hair, hair, options);
+  const std::array<double, 3> u{0.1, 0.2, 0.3};
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  for (const double bad : {nan, inf, -0.1}) {
+    for (const auto spoil : {0, 1, 2}) {
+      Shadow shadow;
+      (spoil == 0 ? shadow.direct : spoil == 1 ? shadow.transmittance[1] : shadow.variance[2]) = bad;
+      EXPECT_THROW((void)dual.eval({}, shadow), InputError);
+      EXPECT_THROW((void)dual.pdf({}, shadow), InputError);
+      EXPECT_THROW((void)dual.sample(0, shadow, u), InputError);
+      EXPECT_THROW((void)dual.albedo(0, shadow), InputError);
+    }
+    EXPECT_THROW((void)dual.back({}, {0, bad, 0}), InputError);
+  }
+  try {
+    Shadow shadow;
+    shadow.direct = 1.5;
+    (void)dual.pdf({}, shadow);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(), "shadow.direct: 1.5 is not between 0 and 1");
+  }
+  EXPECT_THROW((void)dual.pdf({nan, 0, 0}, {}), InputError);
+  EXPECT_THROW((void)dual.sample(nan, {}, u), InputError);
+  EXPECT_THROW((void)dual.albedo(nan, {}), InputError);
+  EXPECT_THROW((void)dual.albedo(pi / 2, {}), InputError);
+  EXPECT_THROW(DualScattering(nullptr, hair, options), InputError);
+  EXPECT_THROW(DualScattering(hair, nullptr, options), InputError);
+  options.adjustments.back_shift = nan;
+  EXPECT_THROW(DualScattering(hair, hair, options), InputError);
 }
 
 } // namespace
