@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 // Not clang, which refuses to pass vectors that the code around has no registers for, nor under sanitizers,
 // whose checks in all these inlined functions take minutes to compile: there vectors have two lanes.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&     \
@@ -77,18 +78,33 @@ SCATTER_FIBER_AVX512 inline __m512d rough_inverse(__m512d a) {
 SCATTER_FIBER_AVX512 inline __m512d rough_inverse_root(__m512d a) {
   return _mm512_maskz_rsqrt14_pd(all_lanes, a);
 }
-/// Bits of 2^(j/16), less j in the four lowest bits of the exponent.
-alignas(64) inline constexpr long long powers_of_sixteenths[16] = {
-    0x3ff0000000000000, 0x3fefb5586cf9890f, 0x3fef72b83c7d517b, 0x3fef387a6e756238,
-    0x3fef06fe0a31b715, 0x3feedea64c123422, 0x3feebfdad5362a27, 0x3feeab07dd485429,
-    0x3feea09e667f3bcd, 0x3feea11473eb0187, 0x3feeace5422aa0db, 0x3feec49182a3f090,
-    0x3feee89f995ad3ad, 0x3fef199bdd85529c, 0x3fef5818dcfba487, 0x3fefa4afa2a490da};
-/// 2^n for n = shifted - 1.5 2^48, a number of sixteenths.
+/// 2^(j/16)
+alignas(64) inline constexpr double powers_of_sixteenths[16] = {
+    1.0,
+    1.0442737824274138,
+    1.0905077326652577,
+    1.1387886347566916,
+    1.189207115002721,
+    1.241857812073484,
+    1.2968395546510096,
+    1.3542555469368927,
+    1.4142135623730951,
+    1.4768261459394993,
+    1.5422108254079407,
+    1.6104903319492543,
+    1.681792830507429,
+    1.7562521603732995,
+    1.8340080864093424,
+    1.9152065613971474};
+/// 2^(n - floor n) for n = shifted - 1.5 2^48, a number of sixteenths.
 SCATTER_FIBER_AVX512 inline __m512d power_of_sixteenths(__m512d shifted) {
-  const __m512i bits = _mm512_castpd_si512(shifted);
-  const __m512i powers = _mm512_permutex2var_epi64(
-      _mm512_load_si512(powers_of_sixteenths), bits, _mm512_load_si512(powers_of_sixteenths + 8));
-  return _mm512_castsi512_pd(_mm512_add_epi64(powers, _mm512_maskz_slli_epi64(all_lanes, bits, 48)));
+  return _mm512_permutex2var_pd(
+      _mm512_load_pd(powers_of_sixteenths), _mm512_castpd_si512(shifted),
+      _mm512_load_pd(powers_of_sixteenths + 8));
+}
+/// a 2^(floor n)
+SCATTER_FIBER_AVX512 inline __m512d scaled_by_floor(__m512d a, __m512d n) {
+  return _mm512_maskz_scalef_pd(all_lanes, a, n);
 }
 
 SCATTER_FIBER_AVX2 inline __m256d multiply_add(__m256d a, __m256d b, __m256d c) {
@@ -147,14 +163,28 @@ struct Lanes {
 #endif
       return {Doubles{} + a};
   }
-  SCATTER_LANE static Lanes load(const double* from) { return {*reinterpret_cast<const Stored*>(from)}; }
-  SCATTER_LANE void store(double* to) const { *reinterpret_cast<Stored*>(to) = v; }
+  SCATTER_LANE static Lanes load(const double* from) {
+    return {*reinterpret_cast<const Stored*>(from)};
+  }
+  SCATTER_LANE void store(double* to) const {
+    *reinterpret_cast<Stored*>(to) = v;
+  }
 
-  SCATTER_LANE friend Lanes operator+(const Lanes& a, const Lanes& b) { return {a.v + b.v}; }
-  SCATTER_LANE friend Lanes operator-(const Lanes& a, const Lanes& b) { return {a.v - b.v}; }
-  SCATTER_LANE friend Lanes operator*(const Lanes& a, const Lanes& b) { return {a.v * b.v}; }
-  SCATTER_LANE friend Lanes operator/(const Lanes& a, const Lanes& b) { return {a.v / b.v}; }
-  SCATTER_LANE friend Lanes operator-(const Lanes& a) { return {-a.v}; }
+  SCATTER_LANE friend Lanes operator+(const Lanes& a, const Lanes& b) {
+    return {a.v + b.v};
+  }
+  SCATTER_LANE friend Lanes operator-(const Lanes& a, const Lanes& b) {
+    return {a.v - b.v};
+  }
+  SCATTER_LANE friend Lanes operator*(const Lanes& a, const Lanes& b) {
+    return {a.v * b.v};
+  }
+  SCATTER_LANE friend Lanes operator/(const Lanes& a, const Lanes& b) {
+    return {a.v / b.v};
+  }
+  SCATTER_LANE friend Lanes operator-(const Lanes& a) {
+    return {-a.v};
+  }
 #if SCATTER_FIBER_X86_LANES
 #define SCATTER_FIBER_ON_X86(condition, result)                                                              \
   if constexpr (condition)                                                                                   \
@@ -217,10 +247,15 @@ struct Lanes {
     SCATTER_FIBER_ON_X86(has_rough, x86::rough_inverse_root(a.v))
     return {reinterpret_cast<Doubles>(INT64_C(0x5fe6eb50c7b537a9) - (reinterpret_cast<Integers>(a.v) >> 1))};
   }
-  /// 2^n for n = shifted - 1.5 2^48, a number of sixteenths; where there is has_rough.
+  /// 2^(n - floor n) for n = shifted - 1.5 2^48, a number of sixteenths; where there is has_rough.
   SCATTER_LANE friend Lanes power_of_sixteenths(const Lanes& shifted) {
     SCATTER_FIBER_ON_X86(has_rough, x86::power_of_sixteenths(shifted.v))
     return shifted;
+  }
+  /// a 2^(floor n); where there is has_rough.
+  SCATTER_LANE friend Lanes scaled_by_floor(const Lanes& a, const Lanes& n) {
+    SCATTER_FIBER_ON_X86(has_rough, x86::scaled_by_floor(a.v, n.v))
+    return a * n;
   }
 #undef SCATTER_FIBER_ON_X86
   /// a^(1/3) to 3 %, a positive and normal: a third of the exponent and of the mantissa as if it were its
@@ -311,6 +346,9 @@ struct Two {
   SCATTER_LANE friend Two power_of_sixteenths(const Two& shifted) {
     return {power_of_sixteenths(shifted.first), power_of_sixteenths(shifted.second)};
   }
+  SCATTER_LANE friend Two scaled_by_floor(const Two& a, const Two& n) {
+    return {scaled_by_floor(a.first, n.first), scaled_by_floor(a.second, n.second)};
+  }
   SCATTER_LANE friend Two scaled(const Two& a, const Two& shifted) {
     return {scaled(a.first, shifted.first), scaled(a.second, shifted.second)};
   }
@@ -390,8 +428,9 @@ SCATTER_LANE T power_of_two_in_range(const T& x) {
     static constexpr double c[] = {0.6931471805599457,   0.24022650695910075,   0.0555041086566393,
                                    0.009618129106919537, 0.0013333781576784268, 0.00015403723980749256};
     const T rounding = T::all(0x1.8p48); // its last bit is a sixteenth: adding it rounds to whole ones
-    const T shifted = x + rounding, rest = x - (shifted - rounding), power = power_of_sixteenths(shifted);
-    return multiply_add(power, rest * polynomial(c, rest), power);
+    const T shifted = x + rounding, nearest = shifted - rounding, rest = x - nearest;
+    const T power = power_of_sixteenths(shifted);
+    return scaled_by_floor(multiply_add(power, rest * polynomial(c, rest), power), nearest);
   } else {
     static constexpr double c[] = {
         1,
@@ -418,31 +457,32 @@ SCATTER_LANE T power_of_two(const T& x) {
   return power_of_two_in_range(larger(x, T::all(-700)));
 }
 
-/// acos(1 - q)^2 for 0 <= q <= 1, relative error below 4e-16: smooth in q, so that no arc function and no
-/// root are needed. A Chebyshev interpolant, computed with 60 digits.
+/// acos(1 - q)^2 / q for 0 <= q <= 1 by powers of q, relative error below 4e-16: a Chebyshev interpolant,
+/// computed with 50 digits.
+inline constexpr double arc_squared_series[] = {
+    1.9999999999999996,      0.3333333333336239,     0.08888888885771423,    0.028571429892690216,
+    0.010158700722740374,    0.0038484014402954602,  0.001518746546455009,   0.0006435290163823803,
+    0.0001621991187772483,   0.00043231604421005654, -0.0007406925707234721, 0.0014727050312996627,
+    -0.0019887061600475688,  0.0020335817845567494,  -0.001478354195700397,  0.0007373475173037154,
+    -0.00022509364339762017, 3.276753615926729e-05};
+
+/// The series times a factor: then arc_squared() has the factor, too.
+struct ScaledArc {
+  double series[std::size(arc_squared_series)];
+  explicit ScaledArc(double factor) {
+    for (std::size_t k = 0; k < std::size(series); ++k) series[k] = factor * arc_squared_series[k];
+  }
+};
+
+/// acos(1 - q)^2 for 0 <= q <= 1, relative error below 1e-15: smooth in q, so that no arc function and no
+/// root are needed. A rounding below 0 is harmless.
 template <class T>
 SCATTER_LANE T arc_squared(const T& q) {
-  static constexpr double c[] = {
-      2,
-      0.333333333333282,
-      0.08888888889502397,
-      0.028571428281146307,
-      0.010158737392892294,
-      0.003847894241024964,
-      0.0015233862260891284,
-      0.0006139002339487316,
-      0.00029911862942596476,
-      -3.660638043319457e-05,
-      0.0004673594277794059,
-      -0.0008858891738586373,
-      0.0015026173389976688,
-      -0.0018565469501516333,
-      0.0017296726274879507,
-      -0.0011604728347193714,
-      0.0005362465522457653,
-      -0.00015266200803959538,
-      2.069444019768993e-05};
-  return q * polynomial(c, q);
+  return q * polynomial(arc_squared_series, q);
+}
+template <class T>
+SCATTER_LANE T arc_squared(const ScaledArc& arc, const T& q) {
+  return q * polynomial(arc.series, q);
 }
 
 } // namespace scatter::fiber::lane

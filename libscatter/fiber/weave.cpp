@@ -237,6 +237,10 @@ Cloth::Cloth(const Weave& weave, int samples, SurfaceLobe surface, FamilyMasking
     made.sin_offset = kernel_->arrays[last - 2].data();
     made.share = kernel_->arrays[last - 1].data();
     made.tangents = strand.tangents.size();
+    for (const Tangent& tangent : strand.tangents) {
+      made.least_cos_offset = std::min(made.least_cos_offset, tangent.cos_offset);
+      made.largest_sin_offset = std::max(made.largest_sin_offset, std::abs(tangent.sin_offset));
+    }
     kernel_->strands.push_back(made);
   }
   kernel_->weave = {

@@ -18,6 +18,7 @@ struct StrandConstants {
   const double* sin_offset = nullptr;
   const double* share = nullptr;
   std::size_t tangents = 0;
+  double least_cos_offset = 1, largest_sin_offset = 0; ///< of all tangents, the sine without its sign
 };
 
 struct WeaveConstants {
