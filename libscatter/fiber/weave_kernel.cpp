@@ -27,9 +27,9 @@ struct TangentSums {
 };
 
 /// A thread is plain when its volume lobe is twice as wide as the surface lobe, and that is no narrower than
-/// this [2^-(rate theta_h^2)]: 5 deg. Then the surface lobe is the fourth power of the other, no lobe comes
-/// near the smallest numbers, and 1 - cos theta_h may lose digits: what it has left is 1e-13 of a lobe.
-constexpr double plain_surface_rate = 95;
+/// this [2^-(rate theta_h^2)]: 4 deg. Then the surface lobe is the fourth power of the other, no lobe comes
+/// near the smallest numbers, and 1 - cos theta_h may lose digits: what it has left is 2e-13 of a lobe.
+constexpr double plain_surface_rate = 149;
 /// Squared cosine of the inclinations to a plain thread's tangents, at least: 1 / cos^2 theta_d needs no
 /// bound then, and no direction is along the thread.
 constexpr double plain_square = 1e-8;

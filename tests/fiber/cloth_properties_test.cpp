@@ -393,9 +393,11 @@ TEST(Cloth, ManyAreOneByOne) {
 }
 
 TEST(Cloth, NeighboursDoNotChangeAValue) {
-  // Linen's, velvet's and crepe's lobes are wide, and 1 to 2: they take the short form of the loop, but not
-  // along a thread, where a direction beside others takes the long one. Satin never takes the short form.
-  for (const char* const name : {"linen-plain", "velvet", "silk-crepe-de-chine", "polyester-satin-front"}) {
+  // Linen's, shot silk's and some of crepe's lobes are wide, and 1 to 2: they take the short form of the
+  // loop, but not along a thread, where a direction beside others takes the long one. Satin never takes the
+  // short form.
+  for (const char* const name :
+       {"linen-plain", "silk-shot", "silk-crepe-de-chine", "polyester-satin-front"}) {
     const Cloth cloth(load_fabric(name).weave);
     std::vector<glm::dvec3> lights, views;
     std::mt19937_64 random(29);
