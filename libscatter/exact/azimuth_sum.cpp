@@ -172,7 +172,7 @@ sum_over_azimuth(std::span<const AzimuthSeries> series, std::span<const real> th
         // Roundings of coefficients and factors add at random; those of the running total follow its size.
         result[s].rounding[first + slot] =
             epsilon *
-            (4 * series[s].size() + 2 * std::sqrt(static_cast<double>(blocks.size()) * sums.largest[slot]));
+            (8 * series[s].size() + 4 * std::sqrt(static_cast<double>(blocks.size()) * sums.largest[slot]));
       }
     }
   };

@@ -9,8 +9,11 @@
 //   e det(H'/H - L) = e u w - alpha (w + c^2 u),
 // finite at the critical tilt e = 0 and a function of eta^2 alone, so that imaginary eta needs no care. The
 // numerators have differences q_n(xi) - q_n(eta) by a recurrence of their own; the absorbed share is a sum
-// over the imaginary parts of m^2 and p in closed form. Everything is in long double; nothing is anchored on
-// a number that may vanish.
+// over the imaginary parts of m^2 and p in closed form. Nothing is anchored on a number that may vanish.
+//
+// Everything is in long double first. On a resonance of width w in x a rounding of x or m moves the
+// coefficients by x / w as much: where the estimate says that digits are missing the same formulas are
+// computed once more in 32 digits, and so is the sum over n at angles where its terms cancel.
 //
 // Debye terms: the same with the inward wave H^(2) in place of J inside, B_0 = (J/H) K_2 (J'/J - L_2), and
 // B_p = -(2i / (pi xi H^2)) g K_2 (L_1 - L_2) (R g)^(p-1) K_2, g = H^(1)/H^(2) at eta, R = K_2 (L_1 - L_2)
@@ -19,11 +22,13 @@
 #include <scatter/exact/azimuth_sum.hpp>
 #include <scatter/exact/bessel.hpp>
 #include <scatter/exact/cylinder.hpp>
-#include <scatter/exact/long_complex.hpp>
+#include <scatter/exact/extended_azimuth_sum.hpp>
+#include <scatter/exact/partial_waves.hpp>
 #include <scatter/optics/errors.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <sstream>
@@ -35,45 +40,62 @@ namespace {
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
 constexpr real pi = std::numbers::pi_v<real>;
 constexpr int most_orders = 1000;
+/// Estimated errors above which the coefficients are computed again in 32 digits, and the sums over them. The
+/// former is cheap; a resonance may move a rounding either way, so that an estimate well above it may be a
+/// hundred times too large by chance.
+constexpr double sure_of_coefficients = 1e-13, sure = 1e-11;
 
-/// The cylinder and the wave in the numbers that the formulas take.
+/// The cylinder and the wave in the numbers that the formulas take, here and below in long double or in 32
+/// digits.
+template <class Complex>
 struct Setting {
-  real x = 0, c = 0, s = 0, xi = 0;
-  LongComplex m, m_squared, contrast; ///< contrast = m^2 - 1
-  LongComplex e, eta_squared;
+  using Real = RealOf<Complex>;
+  Real x{}, c{}, s{}, xi{};
+  Complex m, m_squared, contrast; ///< contrast = m^2 - 1
+  Complex e, eta_squared;
 
-  Setting(real size_parameter, std::complex<double> index, real sine, real cosine)
-      : x(size_parameter), c(sine), s(cosine), xi(x * s), m{index.real(), index.imag()}, m_squared(m * m),
-        contrast(LongComplex{m.re - 1, m.im} * LongComplex{m.re + 1, m.im}),
-        e(contrast + LongComplex{s * s, 0}), eta_squared((x * x) * e) {}
+  Setting(double size_parameter, std::complex<double> index, const Real& sine, const Real& cosine)
+      : x(exactly<Real>(size_parameter)), c(sine), s(cosine),
+        xi(x * s), m{exactly<Real>(index.real()), exactly<Real>(index.imag())}, m_squared(m * m) {
+    const Complex one{exactly<Real>(1), {}};
+    contrast = (m - one) * (m + one);
+    e = contrast + Complex{s * s, {}};
+    eta_squared = (x * x) * e;
+  }
 };
 
 /// B of one order.
+template <class Complex>
 struct Wave {
-  LongComplex b1, a2, a1; ///< b_nI, a_nII, a_nI
+  Complex b1, a2, a1; ///< b_nI, a_nII, a_nI
 };
 
 /// A symmetric matrix.
+template <class Complex>
 struct Symmetric {
-  LongComplex I, cross, II;
+  Complex I, cross, II;
 };
-real norm(const Symmetric& k) {
-  return norm(k.I) + 2 * norm(k.cross) + norm(k.II);
+template <class Complex>
+real norm(const Symmetric<Complex>& k) {
+  return norm(rounded(k.I)) + 2 * norm(rounded(k.cross)) + norm(rounded(k.II));
 }
 
 /// What the outside contributes to one order.
+template <class Complex>
 struct Outside {
-  real n = 0, J = 0, J_ratio = 0; ///< J_ratio: J_{n+1} / J_n
-  LongComplex H, sigma;           ///< H_n, H_{n+1} / H_n
-  real wronskian = 0;             ///< 2 / (pi xi)
-  LongComplex e, alpha;           ///< of order 0, where alpha = 0 and e cancels: e = 1
+  using Real = RealOf<Complex>;
+  Real n{}, J{}, J_ratio{}; ///< J_ratio: J_{n+1} / J_n
+  Complex H, sigma;         ///< H_n, H_{n+1} / H_n
+  Real wronskian{};         ///< 2 / (pi xi)
+  Complex e, alpha;         ///< of order 0, where alpha = 0 and e cancels: e = 1
 };
 
 /// One kind of wave inside (J, or the inward H^(2)) against the outgoing wave outside.
+template <class Complex>
 struct Meeting {
-  LongComplex p, u, w, determinant; ///< determinant: e det(H'/H - L)
+  Complex p, u, w, determinant; ///< determinant: e det(H'/H - L)
 
-  Meeting(const Setting& setting, const Outside& out, LongComplex q) {
+  Meeting(const Setting<Complex>& setting, const Outside<Complex>& out, const Complex& q) {
     p = setting.xi * q;
     u = out.sigma - p;
     w = out.sigma - setting.m_squared * p;
@@ -81,40 +103,43 @@ struct Meeting {
   }
 
   /// How many times larger than the determinant the terms are that cancel in it.
-  [[nodiscard]] real loss(const Setting& setting, const Outside& out) const {
-    const real sigma = abs(out.sigma), u_terms = sigma + abs(p), w_terms = sigma + abs(setting.m_squared * p);
+  [[nodiscard]] real loss(const Setting<Complex>& setting, const Outside<Complex>& out) const {
+    const real sigma = abs(rounded(out.sigma)), c = rounded(setting.c);
+    const real u_terms = sigma + abs(rounded(p)), w_terms = sigma + abs(rounded(setting.m_squared * p));
     const real terms =
-        abs(out.e) * u_terms * w_terms + abs(out.alpha) * (w_terms + setting.c * setting.c * u_terms);
-    return terms / abs(determinant);
+        abs(rounded(out.e)) * u_terms * w_terms + abs(rounded(out.alpha)) * (w_terms + c * c * u_terms);
+    return terms / abs(rounded(determinant));
   }
 
   /// (H'/H - L)^-1
-  [[nodiscard]] Symmetric resolvent(const Setting& setting, const Outside& out) const {
-    const LongComplex scale = inverse(determinant);
+  [[nodiscard]] Symmetric<Complex>
+  resolvent(const Setting<Complex>& setting, const Outside<Complex>& out) const {
+    const Complex scale = inverse(determinant);
     return {
         scale * (out.alpha - out.e * u), -(setting.c * (scale * out.alpha)),
         scale * ((setting.c * setting.c) * out.alpha - out.e * w)};
   }
 
   /// difference: q_n(xi) less the q of the wave inside, which is q.
-  [[nodiscard]] Wave
-  wave(const Setting& setting, const Outside& out, LongComplex q, LongComplex difference) const {
-    const real c_squared = setting.c * setting.c;
-    const LongComplex u_J = setting.xi * difference, w_J = setting.xi * (difference - setting.contrast * q);
-    const LongComplex scale = inverse(determinant), J_over_H = out.J * inverse(out.H);
+  [[nodiscard]] Wave<Complex> wave(
+      const Setting<Complex>& setting, const Outside<Complex>& out, const Complex& q,
+      const Complex& difference) const {
+    const RealOf<Complex> c_squared = setting.c * setting.c;
+    const Complex u_J = setting.xi * difference, w_J = setting.xi * (difference - setting.contrast * q);
+    const Complex scale = inverse(determinant), inverse_H = inverse(out.H), J_over_H = out.J * inverse_H;
     return {
         J_over_H * scale * (out.e * u * w_J - out.alpha * (w_J + c_squared * u)),
         J_over_H * scale * (out.e * u_J * w - out.alpha * (w + c_squared * u_J)),
-        -((setting.c * out.wronskian) * (out.alpha * scale / (out.H * out.H)))};
+        -((setting.c * out.wronskian) * (out.alpha * scale * inverse_H * inverse_H))};
   }
 };
 
 /// H_n^(1)(eta) and H_n^(2)(eta), n rising, in the combinations that the Debye terms need.
 class InnerWaves {
 public:
-  explicit InnerWaves(const Setting& setting) : eta_squared_(setting.eta_squared) {
+  explicit InnerWaves(const Setting<LongComplex>& setting) : eta_squared_(setting.eta_squared) {
     const LongComplex eta = sqrt(eta_squared_); // Im >= 0: H^(1) decays along Im eta
-    const HankelStart start = hankel_start(eta);
+    const auto start = hankel_start(eta);
     q1_ = start.ratio / eta;
     inverse_square_ = inverse(start.value * start.value);
     exponent_ = -2 * start.exponent;
@@ -169,11 +194,17 @@ private:
 struct Coefficients {
   std::vector<LongComplex> T1, T2, T3;
   real lost = 0; ///< of a Debye term: sum of squares, coefficients times what their roundings grow by
-  void add(std::size_t n, const Wave& wave) {
-    const real weight = n == 0 ? 1 : 2;
+  void add(const Wave<LongComplex>& wave) {
+    const real weight = T1.empty() ? 1 : 2;
     T1.push_back(weight * wave.b1);
     T2.push_back(weight * wave.a2);
     T3.push_back(-(weight * times_i(wave.a1)));
+  }
+  /// Moves by the way from `before` to `after`.
+  void shift(const Coefficients& before, const Coefficients& after) {
+    for (const auto list : {&Coefficients::T1, &Coefficients::T2, &Coefficients::T3})
+      for (std::size_t n = 0; n < (this->*list).size(); ++n)
+        (this->*list)[n] = (this->*list)[n] + ((after.*list)[n] - (before.*list)[n]);
   }
   /// What is cut off: of the size of the last term.
   [[nodiscard]] real rest() const { return std::sqrt(norm(T1.back()) + norm(T2.back()) + norm(T3.back())); }
@@ -185,18 +216,39 @@ struct Coefficients {
   }
 };
 
-/// All that does not depend on theta.
-struct Solution {
-  Coefficients total, remainder;
-  std::vector<Coefficients> orders;
+/// What all orders n of the whole add up to.
+struct Totals {
   ByCase Qext, Qsca, Qabs;
-  double relative_error = 0; ///< of the coefficients, against the largest of them
+  double relative_error = 0;    ///< of the Q's
+  double coefficient_error = 0; ///< of T from all coefficients together, absolute
+};
+
+/// The whole in 32 digits.
+struct ExtendedSolution {
+  Totals totals;
+  std::vector<ExtendedAzimuthWave> waves;
+  Coefficients whole; ///< the same, rounded
+};
+
+/// The whole and the Debye terms asked for, without anything that depends on theta.
+struct Solution {
+  Totals totals;
+  Coefficients whole, remainder;
+  std::vector<Coefficients> orders;
+
+  void replace_whole(const ExtendedSolution& better) {
+    if (!orders.empty()) remainder.shift(whole, better.whole);
+    totals = better.totals;
+    whole = better.whole;
+  }
 };
 
 /// The Debye terms of one order n, p = 0 and up.
 class DebyeTerms {
 public:
-  DebyeTerms(const Setting& setting, const Outside& out, const InnerWaves::At& inside, LongComplex q_outside)
+  DebyeTerms(
+      const Setting<LongComplex>& setting, const Outside<LongComplex>& out, const InnerWaves::At& inside,
+      LongComplex q_outside)
       : m_squared_(setting.m_squared), ratio_(inside.ratio) {
     const Meeting meeting(setting, out, inside.q2);
     loss_ = meeting.loss(setting, out);
@@ -219,7 +271,7 @@ public:
   [[nodiscard]] real loss() const { return loss_; }
 
   /// The next p, from 0.
-  Wave next() {
+  Wave<LongComplex> next() {
     if (p_++ == 0) return first_;
     if (p_ > 2) {
       const auto apply = [&](LongComplex& first, LongComplex& second) {
@@ -240,114 +292,189 @@ private:
   int p_ = 0;
   real loss_ = 0;
   LongComplex m_squared_, ratio_, front_;
-  Wave first_;
-  Symmetric K_;
+  Wave<LongComplex> first_;
+  Symmetric<LongComplex> K_;
   LongComplex R_I_, R_II_, cross_I_, cross_II_;
   LongComplex X11_, X12_, X21_, X22_; ///< (R g)^(p-1) K
 };
 
-Solution solve_orders(const Setting& setting, std::span<const int> orders) {
-  const real xi = setting.xi, c_squared = setting.c * setting.c, s_squared = setting.s * setting.s;
-  const auto count = static_cast<std::size_t>(xi + 9 * std::cbrt(xi) + 12);
-  const auto q =
-      bessel_ratios(xi * xi, setting.eta_squared, -((setting.x * setting.x) * setting.contrast), count + 1);
-  const LongComplex eta = sqrt(setting.eta_squared);
-  const real eta_size = abs(eta), walk = std::sqrt(static_cast<real>(count));
-  const real m_squared_size = abs(setting.m_squared);
+/// What the estimate needs to know of a setting.
+struct Sizes {
+  real xi, m_squared, eta_size;
+  LongComplex eta;
+  real walk;     ///< of the roundings of so many orders
+  real strength; ///< below 1 where the cylinder hardly turns a phase: all coefficients are small then
+  template <class Complex>
+  Sizes(const Setting<Complex>& setting, std::size_t count)
+      : xi(rounded(setting.xi)), m_squared(abs(rounded(setting.m_squared))),
+        eta(sqrt(rounded(setting.eta_squared))), walk(std::sqrt(static_cast<real>(count))) {
+    eta_size = abs(eta);
+    const real s = rounded(setting.s);
+    strength = std::min<real>(1, abs(rounded(setting.contrast)) / (s * s) * std::max<real>(xi, 1));
+  }
+};
 
+/// Errors of one order, in units of a rounding.
+struct OrderError {
+  real coefficients; ///< absolute
+  real determinant;  ///< relative; that of the absorbed share is twice it
+};
+
+/// size: of the largest coefficient.
+template <class Complex>
+OrderError error_of_order(
+    const Setting<Complex>& setting, const Sizes& sizes, const Outside<Complex>& out,
+    const Meeting<Complex>& meeting, real size, LongComplex q_inside) {
+  const auto& [xi, m_squared, eta_size, eta, walk, strength] = sizes;
+  const real n = rounded(out.n);
+  const LongComplex ratio = eta * q_inside;
+  // Nothing oscillates: every factor keeps its digits, and the error is the coefficient's own.
+  if (n + 1 > std::max(xi, eta_size)) {
+    const real relative = walk + 8 + meeting.loss(setting, out);
+    return {relative * size, relative};
+  }
+  // To first order an error of L enters as (2 / (pi xi |H|^2)) K dL K; one of the outside waves as K times
+  // their derivatives, against their common amplitude where they oscillate, their own size beyond.
+  const real K_squared = norm(meeting.resolvent(setting, out)), H_squared = norm(rounded(out.H));
+  const LongComplex slope = LongComplex{1, 0} + ratio * ratio - (2 * n + 1) * q_inside;
+  // An error of the argument moves the ratio where it oscillates; beyond, the ratio keeps its digits.
+  const real ratio_error =
+      2 * abs(ratio) + (n + 1 < eta_size ? abs(slope) * (eta_size / 2 + walk) : walk * abs(ratio));
+  const real inner_error = xi / eta_size * ratio_error * std::max<real>(m_squared, 1);
+  const real K = std::sqrt(K_squared), outer_error = walk * (1 + K * (abs(rounded(out.sigma)) + n / xi));
+  return {
+      strength * (rounded(out.wronskian) / H_squared * K_squared * inner_error +
+                  outer_error * (n < xi ? 1 : size + std::abs(rounded(out.J)) / std::sqrt(H_squared))),
+      K * inner_error + outer_error};
+}
+
+/// Solves for the whole. each(index, out, q_outside, q_inside, wave): called for every order n = 0, 1, ...
+template <class Complex, class Each>
+Totals solve_whole(const Setting<Complex>& setting, const Each& each) {
+  using Real = RealOf<Complex>;
+  const Real xi = setting.xi, c_squared = setting.c * setting.c, s_squared = setting.s * setting.s;
+  const real rough_xi = rounded(xi);
+  const auto count = static_cast<std::size_t>(rough_xi + 9 * std::cbrt(rough_xi) + 12);
+  const auto q = bessel_ratios<Complex>(
+      xi * xi, setting.eta_squared, -((setting.x * setting.x) * setting.contrast), count + 1);
+  const Sizes sizes(setting, count);
+
+  const auto start = hankel_start(Complex{xi, {}});
+  Real Y = start.value.im, Y_next = (start.value * start.ratio).im;
+  Outside<Complex> out;
+  out.wronskian = exactly<Real>(2) / (Constants<Real>::pi * xi);
+  Real scattered[2] = {}, absorbed[2] = {};
+  real largest = 0, worst = 0, error_squares = 0, absorbed_error[2] = {};
+  for (std::size_t index = 0; index < count; ++index) {
+    const Real n = exactly<Real>(static_cast<double>(index));
+    const Complex& q_inside = q.inside[index];
+    out.n = n;
+    out.J_ratio = xi * q.outside[index];
+    out.J = out.wronskian / (out.J_ratio * Y - Y_next);
+    out.H = {out.J, Y};
+    const Real H_squared = norm(out.H);
+    // J_n Y_{n+1} - J_{n+1} Y_n = -2 / (pi xi)
+    out.sigma = {(out.J * out.J * out.J_ratio + Y * Y_next) / H_squared, -(out.wronskian / H_squared)};
+    out.e = index == 0 ? Complex{exactly<Real>(1), {}} : setting.e;
+    out.alpha = n / xi * setting.contrast;
+
+    const Meeting<Complex> meeting(setting, out, q_inside);
+    Wave<Complex> wave = meeting.wave(setting, out, q_inside, q.difference[index]);
+    // Poynting's theorem for one order: a sum over the imaginary parts of m^2 and p.
+    const Real share = out.wronskian / (H_squared * norm(meeting.determinant));
+    const Real turn = n / xi * s_squared * setting.m_squared.im;
+    const Complex m_squared_p = setting.m_squared * meeting.p;
+    const Real coupling = c_squared * norm(out.alpha);
+    const Real lost[2] = {
+        share * (turn * c_squared * norm(meeting.u) + m_squared_p.im * norm(out.alpha - out.e * meeting.u) +
+                 meeting.p.im * coupling),
+        share * (turn * norm(meeting.w) + meeting.p.im * norm(c_squared * out.alpha - out.e * meeting.w) +
+                 m_squared_p.im * coupling)};
+    const Real cross = norm(wave.a1);
+    const Real gone[2] = {norm(wave.b1) + cross, norm(wave.a2) + cross};
+    // The real part is small where little is scattered: energy gives it all its digits.
+    wave.b1.re = gone[0] + lost[0];
+    wave.a2.re = gone[1] + lost[1];
+    const double weight = index == 0 ? 1 : 2;
+    for (const int which : {0, 1}) {
+      scattered[which] = scattered[which] + exactly<Real>(weight) * gone[which];
+      absorbed[which] = absorbed[which] + exactly<Real>(weight) * lost[which];
+    }
+
+    const real size =
+        std::sqrt(std::max({norm(rounded(wave.b1)), norm(rounded(wave.a2)), norm(rounded(wave.a1))}));
+    const OrderError error = error_of_order(setting, sizes, out, meeting, size, rounded(q_inside));
+    largest = std::max(largest, size);
+    worst = std::max(worst, error.coefficients);
+    error_squares += error.coefficients * error.coefficients;
+    for (const int which : {0, 1})
+      absorbed_error[which] += static_cast<real>(weight) * rounded(lost[which]) * 4 * error.determinant;
+    each(index, out, q.outside[index], q_inside, wave);
+    Y = std::exchange(Y_next, exactly<Real>(static_cast<double>(2 * index + 2)) / xi * Y_next - Y);
+  }
+  const Real scale = exactly<Real>(2) / setting.x;
+  const auto pair = [&](const Real& I, const Real& II) {
+    return ByCase{static_cast<double>(rounded(scale * I)), static_cast<double>(rounded(scale * II))};
+  };
+  Totals totals;
+  totals.Qsca = pair(scattered[0], scattered[1]);
+  totals.Qabs = pair(absorbed[0], absorbed[1]);
+  totals.Qext = pair(scattered[0] + absorbed[0], scattered[1] + absorbed[1]);
+  constexpr double rounding = Constants<Real>::rounding;
+  real relative = worst / largest;
+  // Next to a resonance it may absorb far more than all the rest, where its coefficient is small already. The
+  // share goes with the determinant's square, and the argument may be off by a whole rounding.
+  for (const int which : {0, 1})
+    if (const real all = rounded(absorbed[which]); all > 0)
+      relative = std::max(relative, absorbed_error[which] / all);
+  totals.relative_error = rounding * static_cast<double>(relative);
+  // Roundings of different orders are independent; n and -n are not.
+  totals.coefficient_error = 2 * rounding * static_cast<double>(std::sqrt(error_squares));
+  // 32 digits have the range of a double only.
+  if (!std::isfinite(totals.Qext.I + totals.Qext.II))
+    totals.relative_error = totals.coefficient_error = std::numeric_limits<double>::infinity();
+  return totals;
+}
+
+Solution solve_orders(const Setting<LongComplex>& setting, std::span<const int> orders) {
   Solution solution;
   solution.orders.resize(orders.size());
   const int last_order = orders.empty() ? -1 : *std::ranges::max_element(orders);
   std::optional<InnerWaves> inner;
   if (!orders.empty()) inner.emplace(setting);
-
-  const HankelStart start = hankel_start({xi, 0});
-  real Y = start.value.im, Y_next = (start.value * start.ratio).im;
-  Outside out;
-  out.wronskian = 2 / (pi * xi);
-  real scattered[2] = {}, absorbed[2] = {}, largest = 0, worst = 0;
-  for (std::size_t index = 0; index < count; ++index) {
-    const auto n = static_cast<real>(index);
-    const LongComplex q_inside = q.inside[index];
-    out.n = n;
-    out.J_ratio = xi * q.outside[index];
-    out.J = out.wronskian / (out.J_ratio * Y - Y_next);
-    out.H = {out.J, Y};
-    const real H_squared = norm(out.H);
-    // J_n Y_{n+1} - J_{n+1} Y_n = -2 / (pi xi)
-    out.sigma = {(out.J * out.J * out.J_ratio + Y * Y_next) / H_squared, -out.wronskian / H_squared};
-    out.e = index == 0 ? LongComplex{1, 0} : setting.e;
-    out.alpha = n / xi * setting.contrast;
-
-    const Meeting meeting(setting, out, q_inside);
-    Wave wave = meeting.wave(setting, out, q_inside, q.difference[index]);
-    // Poynting's theorem for one order: a sum over the imaginary parts of m^2 and p.
-    const real share = out.wronskian / (H_squared * norm(meeting.determinant));
-    const real turn = n / xi * s_squared * setting.m_squared.im;
-    const LongComplex m_squared_p = setting.m_squared * meeting.p;
-    const real coupling = c_squared * norm(out.alpha);
-    const real lost[2] = {
-        share * (turn * c_squared * norm(meeting.u) + m_squared_p.im * norm(out.alpha - out.e * meeting.u) +
-                 meeting.p.im * coupling),
-        share * (turn * norm(meeting.w) + meeting.p.im * norm(c_squared * out.alpha - out.e * meeting.w) +
-                 m_squared_p.im * coupling)};
-    const real gone[2] = {norm(wave.b1) + norm(wave.a1), norm(wave.a2) + norm(wave.a1)};
-    // The real part is small where little is scattered: energy gives it all its digits.
-    wave.b1.re = gone[0] + lost[0];
-    wave.a2.re = gone[1] + lost[1];
-    const real weight = index == 0 ? 1 : 2;
-    for (const int which : {0, 1}) {
-      scattered[which] += weight * gone[which];
-      absorbed[which] += weight * lost[which];
-    }
-    solution.total.add(index, wave);
-
-    // To first order an error of L enters as (2 / (pi xi |H|^2)) K dL K; one of the outside waves as K times
-    // their derivatives, against their common amplitude where they oscillate, their own size beyond.
-    const Symmetric K = meeting.resolvent(setting, out);
-    const LongComplex ratio = eta * q_inside;
-    const LongComplex slope = LongComplex{1, 0} + ratio * ratio - (2 * n + 1) * q_inside;
-    // An error of the argument moves the ratio where it oscillates; beyond, the ratio keeps its digits.
-    const real ratio_error =
-        2 * abs(ratio) + (n + 1 < eta_size ? abs(slope) * (eta_size / 2 + walk) : walk * abs(ratio));
-    const real inner_error = xi / eta_size * ratio_error * std::max<real>(m_squared_size, 1);
-    const real size = std::sqrt(std::max({norm(wave.b1), norm(wave.a2), norm(wave.a1)}));
-    largest = std::max(largest, size);
-    if (n + 1 > std::max(xi, eta_size)) {
-      // Nothing oscillates: every factor keeps its digits, and the error is the coefficient's own.
-      worst = std::max(worst, (walk + 8 + meeting.loss(setting, out)) * size);
-    } else {
-      const real outer_error = walk * (1 + std::sqrt(norm(K)) * (abs(out.sigma) + n / xi)) *
-                               (n < xi ? 1 : size + std::abs(out.J) / std::sqrt(H_squared));
-      worst = std::max(worst, out.wronskian / H_squared * norm(K) * inner_error + outer_error);
-    }
-
-    if (inner) {
-      DebyeTerms terms(setting, out, inner->at(q_inside), {q.outside[index], 0});
-      Wave rest = wave;
-      for (int p = 0; p <= last_order; ++p) {
-        const Wave term = terms.next();
-        for (std::size_t k = 0; k < orders.size(); ++k) {
-          if (orders[k] != p) continue;
-          solution.orders[k].add(index, term);
-          const real term_size = norm(term.b1) + norm(term.a2) + norm(term.a1);
-          solution.orders[k].lost += terms.loss() * terms.loss() * term_size;
-          rest = {rest.b1 - term.b1, rest.a2 - term.a2, rest.a1 - term.a1};
-        }
+  const auto each = [&](std::size_t index, const Outside<LongComplex>& out, real q_outside,
+                        const LongComplex& q_inside, const Wave<LongComplex>& wave) {
+    solution.whole.add(wave);
+    if (!inner) return;
+    DebyeTerms terms(setting, out, inner->at(q_inside), {q_outside, 0});
+    Wave<LongComplex> rest = wave;
+    for (int p = 0; p <= last_order; ++p) {
+      const Wave<LongComplex> term = terms.next();
+      for (std::size_t k = 0; k < orders.size(); ++k) {
+        if (orders[k] != p) continue;
+        solution.orders[k].add(term);
+        const real term_size = norm(term.b1) + norm(term.a2) + norm(term.a1);
+        solution.orders[k].lost += terms.loss() * terms.loss() * term_size;
+        rest = {rest.b1 - term.b1, rest.a2 - term.a2, rest.a1 - term.a1};
       }
-      solution.remainder.add(index, rest);
-      inner->advance(index);
     }
-    Y = std::exchange(Y_next, 2 * (n + 1) / xi * Y_next - Y);
-  }
-  const real scale = 2 / setting.x;
-  const auto pair = [&](real I, real II) {
-    return ByCase{static_cast<double>(scale * I), static_cast<double>(scale * II)};
+    solution.remainder.add(rest);
+    inner->advance(index);
   };
-  solution.Qsca = pair(scattered[0], scattered[1]);
-  solution.Qabs = pair(absorbed[0], absorbed[1]);
-  solution.Qext = pair(scattered[0] + absorbed[0], scattered[1] + absorbed[1]);
-  solution.relative_error = static_cast<double>(real_epsilon / 2 * worst / largest);
+  solution.totals = solve_whole(setting, each);
+  return solution;
+}
+
+ExtendedSolution solve_in_32_digits(const Setting<ExtendedComplex>& setting) {
+  ExtendedSolution solution;
+  const auto each = [&](std::size_t index, const Outside<ExtendedComplex>&, const Extended&,
+                        const ExtendedComplex&, const Wave<ExtendedComplex>& wave) {
+    const double weight = index == 0 ? 1 : 2;
+    solution.waves.push_back(
+        {times(wave.b1, weight), times(wave.a2, weight), times(times_i(wave.a1), -weight)});
+    solution.whole.add({rounded(wave.b1), rounded(wave.a2), rounded(wave.a1)});
+  };
+  solution.totals = solve_whole(setting, each);
   return solution;
 }
 
@@ -397,19 +524,106 @@ double largest_at(const CylinderAmplitudes& amplitudes, std::size_t i) {
   return std::max({std::abs(amplitudes.T1[i]), std::abs(amplitudes.T2[i]), std::abs(amplitudes.T3[i])});
 }
 
-/// theta in radians, [-pi, pi].
-CylinderResult solve(
-    const Setting& setting, double x, std::complex<double> m, std::span<const real> theta,
-    std::span<const int> orders, int threads) {
+/// Of an exact number of degrees.
+Extended radians(double degrees) {
+  return times(extended_pi, degrees) / number(180);
+}
+
+/// The cylinder and the wave as given, for either precision.
+struct Task {
+  double x;
+  std::complex<double> m;
+  double tilt;
+  std::span<const double> theta;
+  AngleUnit unit; ///< of tilt and theta
+
+  [[nodiscard]] Setting<LongComplex> setting() const {
+    const real wide = tilt;
+    if (unit == AngleUnit::radian) return {x, m, std::sin(wide), std::cos(wide)};
+    // The cosine from the complement: it keeps its digits near 90 deg.
+    constexpr real degree = pi / 180;
+    return {x, m, std::sin(wide * degree), std::sin((90 - std::abs(wide)) * degree)};
+  }
+  [[nodiscard]] Setting<ExtendedComplex> setting_in_32_digits() const {
+    const auto [sine, cosine] = sine_cosine(unit == AngleUnit::radian ? number(tilt) : radians(tilt));
+    return {x, m, sine, cosine};
+  }
+
+  /// In radians, folded into [-pi, pi].
+  [[nodiscard]] real angle(std::size_t i) const {
+    if (unit == AngleUnit::degree) return static_cast<real>(folded_degrees(i)) * (pi / 180);
+    const real wide = theta[i];
+    return std::abs(wide) <= pi ? wide : wide - std::copysign(2 * pi, wide);
+  }
+  /// In radians, unfolded where they were given.
+  [[nodiscard]] Extended angle_in_32_digits(std::size_t i) const {
+    return unit == AngleUnit::degree ? radians(folded_degrees(i)) : number(theta[i]);
+  }
+
+private:
+  [[nodiscard]] double folded_degrees(std::size_t i) const { // exact
+    return std::abs(theta[i]) <= 180 ? theta[i] : theta[i] - std::copysign(360.0, theta[i]);
+  }
+};
+
+/// Computes the whole in 32 digits at most once, and only where something asks for it.
+class Exact {
+public:
+  explicit Exact(const Task& task) : task_(task) {}
+  const ExtendedSolution& operator()() {
+    if (!solution_) solution_ = solve_in_32_digits(task_.setting_in_32_digits());
+    return *solution_;
+  }
+
+private:
+  const Task& task_;
+  std::optional<ExtendedSolution> solution_;
+};
+
+/// Sums again, in 32 digits, the amplitudes whose error is above `sure`.
+void sum_unsure_again(
+    const Task& task, Exact& exact, int threads, CylinderAmplitudes& amplitudes,
+    std::vector<double>& errors) {
+  std::vector<std::size_t> unsure;
+  std::vector<Extended> theta;
+  for (std::size_t i = 0; i < errors.size(); ++i)
+    if (!(errors[i] <= sure)) {
+      unsure.push_back(i);
+      theta.push_back(task.angle_in_32_digits(i));
+    }
+  if (unsure.empty()) return;
+  const ExtendedSolution& solution = exact();
+  const double rounding = extended_epsilon * static_cast<double>(12 + 2 * solution.waves.size()) *
+                          static_cast<double>(solution.whole.size());
+  if (!std::isfinite(solution.totals.coefficient_error)) return;
+  const auto sums = sum_over_azimuth(solution.waves, theta, threads);
+  for (std::size_t k = 0; k < unsure.size(); ++k) {
+    const std::size_t i = unsure[k];
+    amplitudes.T1[i] = sums.T1[k];
+    amplitudes.T2[i] = sums.T2[k];
+    amplitudes.T3[i] = sums.T3[k];
+    amplitudes.T4[i] = {0 - sums.T3[k].real(), 0 - sums.T3[k].imag()};
+    errors[i] = 4 * epsilon + (rounding + solution.totals.coefficient_error) / largest_at(amplitudes, i);
+  }
+}
+
+CylinderResult solve(const Task& task, std::span<const int> orders, int threads) {
+  const Setting<LongComplex> setting = task.setting();
   if (!orders.empty() && setting.eta_squared.re == 0 && setting.eta_squared.im == 0)
     throw InputError("no wave travels inside at the critical tilt, sin(tilt) = m: ask for no orders there");
-  const Solution solution = solve_orders(setting, orders);
+  Solution solution = solve_orders(setting, orders);
+  Exact exact(task);
+  const auto efficiencies_error = [&] { return 8 * epsilon + solution.totals.relative_error; };
+  if (efficiencies_error() > sure_of_coefficients &&
+      exact().totals.relative_error < solution.totals.relative_error)
+    solution.replace_whole(exact());
+
   CylinderResult result;
-  result.size_parameter = x;
-  result.index = m;
-  result.Qext = solution.Qext;
-  result.Qsca = solution.Qsca;
-  result.Qabs = solution.Qabs;
+  result.size_parameter = task.x;
+  result.index = task.m;
+  result.Qext = solution.totals.Qext;
+  result.Qsca = solution.totals.Qsca;
+  result.Qabs = solution.totals.Qabs;
 
   std::vector<AzimuthSeries> series;
   const auto add = [&](const Coefficients& coefficients) {
@@ -417,9 +631,12 @@ CylinderResult solve(
     series.emplace_back(AzimuthSeries::Kind::cosine, coefficients.T2);
     series.emplace_back(AzimuthSeries::Kind::sine, coefficients.T3);
   };
-  add(solution.total);
+  add(solution.whole);
   if (!orders.empty()) add(solution.remainder);
   for (const auto& order : solution.orders) add(order);
+  std::vector<real> theta;
+  theta.reserve(task.theta.size());
+  for (std::size_t i = 0; i < task.theta.size(); ++i) theta.push_back(task.angle(i));
   auto sums = sum_over_azimuth(series, theta, threads);
   const std::span<AzimuthSum> all(sums);
   const auto rounding_at = [&](std::size_t first, std::size_t i) {
@@ -427,13 +644,13 @@ CylinderResult solve(
   };
 
   result.amplitudes = amplitudes(all.subspan(0, 3));
-  // Qabs follows the squared width of a resonance: twice the coefficients' error, and once more for the width
-  // itself.
-  result.error_estimate = 8 * epsilon + (m.imag() > 0 ? 4 : 1) * solution.relative_error;
+  std::vector<double> errors(theta.size());
   for (std::size_t i = 0; i < theta.size(); ++i)
-    result.error_estimate = std::max(
-        result.error_estimate,
-        rounding_at(0, i) / largest_at(result.amplitudes, i) + 4 * epsilon + solution.relative_error);
+    errors[i] = (rounding_at(0, i) + solution.totals.coefficient_error) / largest_at(result.amplitudes, i) +
+                4 * epsilon;
+  sum_unsure_again(task, exact, threads, result.amplitudes, errors);
+  result.error_estimate = efficiencies_error();
+  for (const double error : errors) result.error_estimate = std::max(result.error_estimate, error);
   if (orders.empty()) return result;
 
   result.remainder = amplitudes(all.subspan(3, 3));
@@ -459,21 +676,14 @@ CylinderResult solve(
   return result;
 }
 
-/// to_radians: of any angle, as a long double. Turns theta into [-pi, pi] and refuses what is beyond a turn.
-std::vector<real>
-fold(std::span<const double> theta, double half_turn, const char* unit, real (*to_radians)(double)) {
-  std::vector<real> folded;
-  folded.reserve(theta.size());
-  for (const double angle : theta) {
+void check_angles(std::span<const double> theta, double half_turn, const char* unit) {
+  for (const double angle : theta)
     if (!(std::abs(angle) <= 2 * half_turn)) {
       std::ostringstream message;
       message << "angle " << angle << ' ' << unit << " is outside -" << 2 * half_turn << ".." << 2 * half_turn
               << ' ' << unit;
       refuse(message);
     }
-    folded.push_back(to_radians(angle));
-  }
-  return folded;
 }
 
 } // namespace
@@ -482,12 +692,8 @@ CylinderResult cylinder(
     double size_parameter, std::complex<double> index, double tilt, std::span<const double> theta,
     std::span<const int> orders, int threads) {
   check(size_parameter, index, tilt, std::numbers::pi / 2, "rad", orders);
-  const auto folded = fold(theta, std::numbers::pi, "rad", [](double angle) {
-    const real wide = angle;
-    return std::abs(wide) <= pi ? wide : wide - std::copysign(2 * pi, wide);
-  });
-  const real sine = std::sin(static_cast<real>(tilt)), cosine = std::cos(static_cast<real>(tilt));
-  auto result = solve({size_parameter, index, sine, cosine}, size_parameter, index, folded, orders, threads);
+  check_angles(theta, std::numbers::pi, "rad");
+  auto result = solve({size_parameter, index, tilt, theta, AngleUnit::radian}, orders, threads);
   result.tilt_deg = tilt * (180 / std::numbers::pi);
   return result;
 }
@@ -496,15 +702,8 @@ CylinderResult cylinder_at_degrees(
     double size_parameter, std::complex<double> index, double tilt_deg, std::span<const double> theta_deg,
     std::span<const int> orders, int threads) {
   check(size_parameter, index, tilt_deg, 90, "deg", orders);
-  constexpr real degree = pi / 180;
-  const auto folded = fold(theta_deg, 180, "deg", [](double angle) {
-    const double rest = std::abs(angle) <= 180 ? angle : angle - std::copysign(360.0, angle); // exact
-    return static_cast<real>(rest) * degree;
-  });
-  // The cosine from the complement: it keeps its digits near 90 deg.
-  const real tilt = tilt_deg, sine = std::sin(tilt * degree),
-             cosine = std::sin((90 - std::abs(tilt)) * degree);
-  auto result = solve({size_parameter, index, sine, cosine}, size_parameter, index, folded, orders, threads);
+  check_angles(theta_deg, 180, "deg");
+  auto result = solve({size_parameter, index, tilt_deg, theta_deg, AngleUnit::degree}, orders, threads);
   result.tilt_deg = tilt_deg;
   return result;
 }

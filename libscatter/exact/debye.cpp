@@ -62,24 +62,6 @@ std::vector<Number> psi_ratios(const Number& z, double size, std::size_t count, 
   return ratios;
 }
 
-/// exp(-a) as a number times a power of 2, a >= 0.
-struct Scaled {
-  Extended value;
-  long exponent = 0;
-};
-Scaled exponential_of_minus(double a) {
-  constexpr Extended log_2{6.931471805599452862e-01, 2.319046813846299558e-17};
-  const double k = std::nearbyint(a / log_2.hi);
-  Extended r = times(Extended{log_2.hi, 0}, k) - number(a);
-  r = r + times(Extended{log_2.lo, 0}, k);
-  Extended sum = number(1), term = number(1);
-  for (int i = 1; i <= 26; ++i) { // |r| <= 0.35
-    term = term * r / number(i);
-    sum = sum + term;
-  }
-  return {sum, -static_cast<long>(k)};
-}
-
 /// What one partial wave of one polarisation gives to every order.
 struct Wave {
   Complex first, second; ///< p = 0 and p = 1
@@ -113,12 +95,10 @@ Coefficients coefficients(double x, std::complex<double> index) {
   const auto outer = sine_cosine(number(x));
   Extended chi_before = outer.cosine, chi = outer.cosine * inverse_x + outer.sine; // chi_0, chi_1
   // h1_0 = -i exp(iz), h1_1 = h1_0 (1/z - i), as numbers times 2^exponent.
-  const auto [decay, first_exponent] = exponential_of_minus(z.im.hi);
+  const auto [decay, first_exponent] = exponential_of_minus(z.im);
   long exponent = first_exponent;
   const auto inner = sine_cosine(z.re);
-  // exp(-Im z) for the low part of Im z, which is below 1e-8.
-  const Extended low = number(1) - Extended{z.im.lo, 0} + number(z.im.lo * z.im.lo / 2);
-  const Complex h_0 = (decay * low) * Complex{inner.sine, -inner.cosine};
+  const Complex h_0 = decay * Complex{inner.sine, -inner.cosine};
   Complex h_before = h_0, h = h_0 * (inverse_z + Complex{{}, number(-1)});
 
   Coefficients result;

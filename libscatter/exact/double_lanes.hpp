@@ -94,6 +94,20 @@ template <Instructions instructions, std::size_t count>
 inline constexpr bool is_fused<DoubleLanes<instructions, count>> = instructions != Instructions::plain;
 #endif
 
+/// sum += weight f, where f_halves are f.hi's.
+template <class Lanes>
+SCATTER_INLINE void accumulate(
+    DoubleDouble<Lanes>& sum, const DoubleDouble<double>& weight, const DoubleDouble<Lanes>& f,
+    const DoubleDouble<Lanes>& f_halves) {
+  DoubleDouble<Lanes> p;
+  if constexpr (is_fused<Lanes>)
+    p = twofold::product(f.hi, weight.hi);
+  else
+    p = twofold::product(f.hi, f_halves, weight.hi, twofold::halves(weight.hi));
+  const auto added = twofold::sum(sum.hi, p.hi);
+  sum = {added.hi, sum.lo + (added.lo + (p.lo + (f.lo * weight.hi + f.hi * weight.lo)))};
+}
+
 /// 1 / a, to within 2^-104.
 template <Instructions instructions, std::size_t count>
 SCATTER_INLINE DoubleDouble<DoubleLanes<instructions, count>>

@@ -47,6 +47,17 @@ inline ExtendedComplex inverse(const ExtendedComplex& a) {
 inline ExtendedComplex scaled(const ExtendedComplex& a, double power) {
   return {{a.re.hi * power, a.re.lo * power}, {a.im.hi * power, a.im.lo * power}};
 }
+inline ExtendedComplex operator/(const ExtendedComplex& a, const ExtendedComplex& b) {
+  return a * inverse(b);
+}
+/// i a
+inline ExtendedComplex times_i(const ExtendedComplex& a) {
+  return {-a.im, a.re};
+}
+/// |a|^2
+inline Extended norm(const ExtendedComplex& a) {
+  return a.re * a.re + a.im * a.im;
+}
 inline double abs(const ExtendedComplex& a) {
   return std::hypot(a.re.hi, a.im.hi);
 }

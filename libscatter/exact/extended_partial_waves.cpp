@@ -15,27 +15,11 @@ constexpr std::size_t lanes = 8;     ///< angles at once
 constexpr std::size_t stretch = 16;  ///< terms at once
 constexpr std::size_t most_sets = 8; ///< side by side in one pass over the recurrence
 
-constexpr Extended pi{3.141592653589793116, 1.224646799147353207e-16};
-
 /// Sums of one set over a block of angles, index part and angle: weights' products with pi_n +- tau_n.
 struct Sums {
   Extended of[4][lanes];
 };
 enum Part { plus_re, plus_im, minus_re, minus_im };
-
-/// sum += weight f, where f_halves are f.hi's.
-template <class Lanes>
-SCATTER_INLINE void accumulate(
-    DoubleDouble<Lanes>& sum, const Extended& weight, const DoubleDouble<Lanes>& f,
-    const DoubleDouble<Lanes>& f_halves) {
-  DoubleDouble<Lanes> p;
-  if constexpr (is_fused<Lanes>)
-    p = twofold::product(f.hi, weight.hi);
-  else
-    p = twofold::product(f.hi, f_halves, weight.hi, twofold::halves(weight.hi));
-  const auto added = twofold::sum(sum.hi, p.hi);
-  sum = {added.hi, sum.lo + (added.lo + (p.lo + (f.lo * weight.hi + f.hi * weight.lo)))};
-}
 
 template <Instructions instructions>
 SCATTER_INLINE void sum_sets(
@@ -130,41 +114,14 @@ SumSets sum_here() {
 Extended one_minus_cosine(const Angle& angle) {
   const Extended given{angle.theta, angle.theta_rest};
   const bool degrees = angle.unit == AngleUnit::degree;
-  const Extended half_turn = degrees ? Extended{180, 0} : pi;
+  const Extended half_turn = degrees ? Extended{180, 0} : extended_pi;
   const Extended folded = angle.backward ? half_turn - given : given;
-  const Extended half = degrees ? folded * pi / Extended{360, 0} : times(folded, 0.5);
+  const Extended half = degrees ? folded * extended_pi / Extended{360, 0} : times(folded, 0.5);
   const Extended sine = sine_cosine(half).sine;
   return times(sine * sine, 2);
 }
 
 } // namespace
-
-SineCosine sine_cosine(Extended a) {
-  // Off by k quarter turns, in three parts (the third of pi / 2 is -1.5e-33).
-  const double k = std::nearbyint(a.hi / (pi.hi / 2));
-  Extended r = a - times(Extended{pi.hi / 2, 0}, k);
-  r = r - times(Extended{pi.lo / 2, 0}, k);
-  r = r - Extended{-1.497384904859169777e-33 * k, 0};
-  // Taylor's series; |r| <= pi / 4: 28! 1e-30 stands for 32 digits.
-  const Extended square = r * r;
-  Extended sine = r, cosine{1, 0}, sine_term = r, cosine_term{1, 0};
-  for (int i = 1; i <= 14; ++i) {
-    cosine_term = -(cosine_term * square / Extended{(2.0 * i - 1) * (2.0 * i), 0});
-    sine_term = -(sine_term * square / Extended{(2.0 * i) * (2.0 * i + 1), 0});
-    cosine = cosine + cosine_term;
-    sine = sine + sine_term;
-  }
-  switch (static_cast<long long>(k) & 3) {
-  case 0:
-    return {sine, cosine};
-  case 1:
-    return {cosine, -sine};
-  case 2:
-    return {-sine, -cosine};
-  default:
-    return {-cosine, sine};
-  }
-}
 
 std::vector<ExtendedSums>
 sum_partial_waves(std::span<const ExtendedWaves* const> sets, std::span<const Angle> angles, int threads) {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <scatter/exact/extended_complex.hpp>
+#include <scatter/exact/extended_functions.hpp>
 #include <scatter/exact/partial_waves.hpp>
 
 /// Internal to scatter::exact: the sum over partial waves in 32 digits, for amplitudes that are what remains
@@ -14,12 +14,6 @@ struct ExtendedWaves {
   };
   std::vector<Wave> waves;
 };
-
-/// sin and cos, to 1e-31 absolutely for |a| up to 1e8.
-struct SineCosine {
-  Extended sine, cosine;
-};
-[[nodiscard]] SineCosine sine_cosine(Extended a);
 
 /// For each set, the amplitudes at the given angles as double: rounded once from about 30 digits of the
 /// largest partial sum. threads and bits as with sum_partial_waves.
