@@ -136,21 +136,22 @@ BesselRatios<Complex> bessel_ratios(
   // Of the two forms of the difference's recurrence the one that forgets errors: they grow by z_small /
   // z_large.
   const bool inside_larger = size2 > size1;
+  const Real z1 = z1_squared; // by value: nothing else writes to them
+  const Complex z2 = z2_squared, apart = difference;
   const Real one = exactly<Real>(1), first = one / exactly<Real>(static_cast<double>(2 * start + 2));
   Real q1 = first;
   Complex q2{first, {}}, change{};
   for (std::size_t n = start; n >= 1; --n) {
     const Real twice = exactly<Real>(static_cast<double>(2 * n));
-    Real denominator1 = twice - z1_squared * q1;
-    Complex denominator2 = Complex{twice, {}} - z2_squared * q2;
+    Real denominator1 = twice - z1 * q1;
+    Complex denominator2 = Complex{twice, {}} - z2 * q2;
     // J_{n-1} = 0 to the last bit; the next step brings the digits back.
     if (rounded(denominator1) == 0) denominator1 = exactly<Real>(nothing);
     if (rounded(denominator2.re) == 0 && rounded(denominator2.im) == 0)
       denominator2.re = exactly<Real>(nothing);
     const Real next1 = one / denominator1;
     const Complex next2 = inverse(denominator2);
-    change = next1 * (next2 * (inside_larger ? q2 * difference + z1_squared * change
-                                             : q1 * difference + z2_squared * change));
+    change = next1 * (next2 * (inside_larger ? q2 * apart + z1 * change : q1 * apart + z2 * change));
     q1 = next1;
     q2 = next2;
     if (n <= count) {

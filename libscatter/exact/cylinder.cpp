@@ -40,10 +40,13 @@ namespace {
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
 constexpr real pi = std::numbers::pi_v<real>;
 constexpr int most_orders = 1000;
-/// Estimated errors above which the coefficients are computed again in 32 digits, and the sums over them. The
-/// former is cheap; a resonance may move a rounding either way, so that an estimate well above it may be a
-/// hundred times too large by chance.
-constexpr double sure_of_coefficients = 1e-13, sure = 1e-11;
+/// Estimated error of an amplitude above which it is summed again in 32 digits.
+constexpr double sure = 1e-11;
+/// That of the coefficients. They cost less, and a resonance may move a rounding either way: an estimate well
+/// above that of the sums may be a hundred times too large by chance.
+double sure_of_coefficients(double x) {
+  return 1e-13 * std::max(1.0, x / 5000);
+}
 
 /// The cylinder and the wave in the numbers that the formulas take, here and below in long double or in 32
 /// digits.
@@ -84,10 +87,11 @@ real norm(const Symmetric<Complex>& k) {
 template <class Complex>
 struct Outside {
   using Real = RealOf<Complex>;
-  Real n{}, J{}, J_ratio{}; ///< J_ratio: J_{n+1} / J_n
-  Complex H, sigma;         ///< H_n, H_{n+1} / H_n
-  Real wronskian{};         ///< 2 / (pi xi)
-  Complex e, alpha;         ///< of order 0, where alpha = 0 and e cancels: e = 1
+  Real n{}, n_over_xi{};
+  Real J{}, J_ratio{}; ///< J_ratio: J_{n+1} / J_n
+  Complex H, sigma;    ///< H_n, H_{n+1} / H_n
+  Real wronskian{};    ///< 2 / (pi xi)
+  Complex e, alpha;    ///< of order 0, where alpha = 0 and e cancels: e = 1
 };
 
 /// One kind of wave inside (J, or the inward H^(2)) against the outgoing wave outside.
@@ -341,7 +345,8 @@ OrderError error_of_order(
   const real ratio_error =
       2 * abs(ratio) + (n + 1 < eta_size ? abs(slope) * (eta_size / 2 + walk) : walk * abs(ratio));
   const real inner_error = xi / eta_size * ratio_error * std::max<real>(m_squared, 1);
-  const real K = std::sqrt(K_squared), outer_error = walk * (1 + K * (abs(rounded(out.sigma)) + n / xi));
+  const real K = std::sqrt(K_squared),
+             outer_error = walk * (1 + K * (abs(rounded(out.sigma)) + rounded(out.n_over_xi)));
   return {
       strength * (rounded(out.wronskian) / H_squared * K_squared * inner_error +
                   outer_error * (n < xi ? 1 : size + std::abs(rounded(out.J)) / std::sqrt(H_squared))),
@@ -358,6 +363,7 @@ Totals solve_whole(const Setting<Complex>& setting, const Each& each) {
   const auto q = bessel_ratios<Complex>(
       xi * xi, setting.eta_squared, -((setting.x * setting.x) * setting.contrast), count + 1);
   const Sizes sizes(setting, count);
+  const bool absorbs = rounded(setting.m.im) > 0;
 
   const auto start = hankel_start(Complex{xi, {}});
   Real Y = start.value.im, Y_next = (start.value * start.ratio).im;
@@ -369,6 +375,7 @@ Totals solve_whole(const Setting<Complex>& setting, const Each& each) {
     const Real n = exactly<Real>(static_cast<double>(index));
     const Complex& q_inside = q.inside[index];
     out.n = n;
+    out.n_over_xi = n / xi;
     out.J_ratio = xi * q.outside[index];
     out.J = out.wronskian / (out.J_ratio * Y - Y_next);
     out.H = {out.J, Y};
@@ -376,20 +383,22 @@ Totals solve_whole(const Setting<Complex>& setting, const Each& each) {
     // J_n Y_{n+1} - J_{n+1} Y_n = -2 / (pi xi)
     out.sigma = {(out.J * out.J * out.J_ratio + Y * Y_next) / H_squared, -(out.wronskian / H_squared)};
     out.e = index == 0 ? Complex{exactly<Real>(1), {}} : setting.e;
-    out.alpha = n / xi * setting.contrast;
+    out.alpha = out.n_over_xi * setting.contrast;
 
     const Meeting<Complex> meeting(setting, out, q_inside);
     Wave<Complex> wave = meeting.wave(setting, out, q_inside, q.difference[index]);
-    // Poynting's theorem for one order: a sum over the imaginary parts of m^2 and p.
-    const Real share = out.wronskian / (H_squared * norm(meeting.determinant));
-    const Real turn = n / xi * s_squared * setting.m_squared.im;
-    const Complex m_squared_p = setting.m_squared * meeting.p;
-    const Real coupling = c_squared * norm(out.alpha);
-    const Real lost[2] = {
-        share * (turn * c_squared * norm(meeting.u) + m_squared_p.im * norm(out.alpha - out.e * meeting.u) +
-                 meeting.p.im * coupling),
-        share * (turn * norm(meeting.w) + meeting.p.im * norm(c_squared * out.alpha - out.e * meeting.w) +
-                 m_squared_p.im * coupling)};
+    Real lost[2] = {};
+    if (absorbs) { // Poynting's theorem for one order: a sum over the imaginary parts of m^2 and p
+      const Real share = out.wronskian / (H_squared * norm(meeting.determinant));
+      const Real turn = out.n_over_xi * s_squared * setting.m_squared.im;
+      const Complex m_squared_p = setting.m_squared * meeting.p;
+      const Real coupling = c_squared * norm(out.alpha);
+      lost[0] = share * (turn * c_squared * norm(meeting.u) +
+                         m_squared_p.im * norm(out.alpha - out.e * meeting.u) + meeting.p.im * coupling);
+      lost[1] =
+          share * (turn * norm(meeting.w) + meeting.p.im * norm(c_squared * out.alpha - out.e * meeting.w) +
+                   m_squared_p.im * coupling);
+    }
     const Real cross = norm(wave.a1);
     const Real gone[2] = {norm(wave.b1) + cross, norm(wave.a2) + cross};
     // The real part is small where little is scattered: energy gives it all its digits.
@@ -407,8 +416,10 @@ Totals solve_whole(const Setting<Complex>& setting, const Each& each) {
     largest = std::max(largest, size);
     worst = std::max(worst, error.coefficients);
     error_squares += error.coefficients * error.coefficients;
-    for (const int which : {0, 1})
-      absorbed_error[which] += static_cast<real>(weight) * rounded(lost[which]) * 4 * error.determinant;
+    if (absorbs) {
+      const real growth = static_cast<real>(4 * weight) * error.determinant;
+      for (const int which : {0, 1}) absorbed_error[which] += growth * rounded(lost[which]);
+    }
     each(index, out, q.outside[index], q_inside, wave);
     Y = std::exchange(Y_next, exactly<Real>(static_cast<double>(2 * index + 2)) / xi * Y_next - Y);
   }
@@ -614,7 +625,7 @@ CylinderResult solve(const Task& task, std::span<const int> orders, int threads)
   Solution solution = solve_orders(setting, orders);
   Exact exact(task);
   const auto efficiencies_error = [&] { return 8 * epsilon + solution.totals.relative_error; };
-  if (efficiencies_error() > sure_of_coefficients &&
+  if (efficiencies_error() > sure_of_coefficients(task.x) &&
       exact().totals.relative_error < solution.totals.relative_error)
     solution.replace_whole(exact());
 
