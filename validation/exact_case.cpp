@@ -206,10 +206,9 @@ Row run_cylinder_row(const json& truth) {
     }
   }
   row.efficiencies_bound = 1e-15; // exact/cylinder.hpp
-  row.amplitudes_bound = row.name == "on a narrow resonance"       ? 1e-9
-                         : row.name == "beside a narrow resonance" ? 5e-14
-                         : std::abs(row.index - 1.0) < 1e-3        ? 5e-12
-                                                                   : 5e-15;
+  row.amplitudes_bound = row.name == "beside a narrow resonance" ? 5e-14
+                         : std::abs(row.index - 1.0) < 1e-3      ? 5e-12
+                                                                 : 5e-15;
   return row;
 }
 

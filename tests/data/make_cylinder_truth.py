@@ -180,14 +180,32 @@ def case(name, x, m, tilt, orders=()):
     return result
 
 
-def resonance(x, m, order):
-    """The double nearest to the peak of b_order at normal incidence: b = 1, where J_n(mx) Y_n'(x) = m J_n'(mx) Y_n(x)."""
-    def imaginary(value):
-        inner, outer = mpf(m) * value, value
-        return (mp.besselj(order, inner) * mp.bessely(order, outer, 1)
-                - mpf(m) * mp.besselj(order, inner, 1) * mp.bessely(order, outer))
+def resonance(x, m, tilt, order):
+    """The double nearest to the real part of the complex size parameter near x where the order's boundary conditions
+    have a solution without incoming light, and twice its imaginary part: the width in x."""
     mp.dps = 60
-    return float(mp.findroot(imaginary, (x, x + 1e-10), solver="secant"))
+    angle, m2 = mpf(tilt) * mp.pi / 180, mpc(m) ** 2
+    c, s = mp.sin(angle), mp.cos(angle)
+    kappa = mp.sqrt(m2 - c ** 2)
+
+    def determinant(value):
+        """Bohren & Huffman's W V + i D^2, p. 201, without its zeros of H."""
+        xi, eta = value * s, value * kappa
+        before, H = (mp.besselj(n, xi) + 1j * mp.bessely(n, xi) for n in (order - 1, order))
+        J = mp.besselj(order, eta)
+        outer, inner = (before / H - order / xi) * J, (mp.besselj(order - 1, eta) - order / eta * J) * s / kappa
+        return (outer - m2 * inner) * (outer - inner) - (order * c * (xi ** 2 / eta ** 2 - 1) / xi * J) ** 2
+    pole = mp.findroot(determinant, (mpf(x), mpf(x) + mpf(10) ** -9), solver="secant", tol=mpf(10) ** -100, maxsteps=100,
+                       verify=False)
+    assert abs(pole - x) < 1e-4, (x, m, tilt, order, pole)
+    return float(pole.real), 2 * abs(float(pole.imag))
+
+
+def on_resonance(name, x, m, tilt, order, beside=0):
+    """A case on the peak of a resonance, or so many of its widths beside."""
+    peak, width = resonance(x, m, tilt, order)
+    print(f"{name}: x = {peak!r}, width {width:.1e}", file=sys.stderr, flush=True)
+    return name, peak + beside * width, m, tilt
 
 
 def main():
@@ -205,7 +223,7 @@ def main():
         ("index near 1, small", 1.0, 1.0001, 30),
         ("pi", pi, 1.33, 0),
         ("beside a narrow resonance", 48.20995, 1.5, 0),
-        ("on a narrow resonance", resonance(NARROW[0], 1.5, NARROW[1]), 1.5, 0),
+        on_resonance("on a narrow resonance", 48.2099496784, 1.5, 0, 66),
         ("bubble", 100.0, 0.75, 0, (0, 1, 2)),
         ("bubble, evanescent inside", 100.0, 0.75, 60, (0, 1, 2)),
         ("thin evanescent bubble", 2.0, 0.75, 70, (0, 1, 2)),
@@ -227,6 +245,7 @@ def main():
         ("largest bubble, evanescent inside", 5000.0, 0.75, 60),
         ("thousand pi", 1000 * pi, 1.333, 20),
     ]
+    cases += [on_resonance(*near) for near in RESONANCES]
     if len(sys.argv) > 1:
         cases = [c for c in cases if c[0] in sys.argv[1:]]
     # The big ones are independent: a pool only saves time.
@@ -238,8 +257,31 @@ def main():
     print("]")
 
 
-# A size and an order near which a resonance of width 1e-8 lies.
-NARROW = (48.2099496784, 66)
+# Name, a size near the peak, index, tilt, order n; whole widths beside the peak. At a tilt each n has resonances of either
+# kind, here named after the one that it turns into at normal incidence.
+RESONANCES = [
+    ("resonance, x 51, E along the axis", 50.9751122, 1.5, 0, 70),                        # width 7e-10
+    ("resonance, x 51, H along the axis", 51.4569881, 1.5, 0, 70),                        # 1e-9
+    ("resonance, x 51, absorbing as much", 50.9751122, 1.5 + 1e-11j, 0, 70),              # 1e-9, half of it k's
+    ("resonance, x 50, tilted", 49.8754263, 1.5, 35, 63),                                 # 3e-13
+    ("resonance, x 50, tilted, the other", 49.8976203, 1.5, 35, 62),                      # 4e-13
+    ("resonance, x 199, E along the axis", 199.2603782, 1.33, 0, 221),                    # 2e-6
+    ("resonance, x 200, H along the axis", 200.3085498, 1.33, 0, 233),                    # 3e-11
+    ("half a width beside, x 200", 200.3085498, 1.33, 0, 233, 0.5),
+    ("resonance, x 200, tilted", 200.1298445, 1.55, 30, 206),                             # 2e-12
+    ("resonance, x 200, tilted, absorbing", 200.1298445, 1.55 + 1e-14j, 30, 206),         # 5e-12
+    ("resonance, x 200, tilted, wide", 199.6393297, 1.55, 30, 194),                       # 6e-7
+    ("two widths beside, x 200, tilted", 200.1298445, 1.55, 30, 206, 2),
+    ("resonance, x 500, tilted", 500.2206942, 1.55, 60, 285),                             # 6e-12
+    ("resonance, x 499, tilted, absorbing", 498.7533995, 1.55 + 1e-13j, 60, 285),         # 1e-10
+    ("resonance, x 499, grazing", 498.7074404, 1.33, 85, 61),                             # 6e-11
+    ("resonance, x 499, grazing, wide", 499.3168454, 1.33, 85, 57),                       # 5e-8
+    ("resonance, x 996, E along the axis", 996.2231479, 1.5, 0, 1052),                    # 9e-12
+    ("resonance, x 996, H along the axis", 996.5137838, 1.5, 0, 1052),                    # 2e-11
+    ("resonance, x 996, E along the axis, wide", 996.139367, 1.5, 0, 1044),               # 1e-9
+    ("resonance, x 1000, tilted", 1000.3218857, 1.5, 20, 995),                            # 1e-11
+    ("resonance, x 1000, tilted, narrow", 1000.4098386, 1.333, 45, 762),                  # 6e-13
+]
 
 if __name__ == "__main__":
     main()
