@@ -1,6 +1,8 @@
 // scatter phase: the main job, a tabulated phase function of one drop.
+#include "exact_options.hpp"
 #include "phase_options.hpp"
 #include "verbs.hpp"
+#include <scatter/exact/mie.hpp>
 #include <scatter/phase/job.hpp>
 #include <scatter/table/files.hpp>
 
@@ -8,9 +10,11 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <numbers>
 
 namespace scatter::app {
 namespace {
@@ -46,6 +50,17 @@ private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now(), last_{};
 };
 
+/// One line on standard error where a table by Mie goes beyond what Mie was compared at.
+void tell_if_not_validated(const phase::Plan& plan) {
+  if (plan.method != phase::Method::mie) return;
+  const double wavelength_m = *std::ranges::min_element(plan.request.wavelength_m);
+  const double x = 2 * std::numbers::pi * plan.request.shape.radius_m / wavelength_m;
+  if (x > exact::mie_validated_size_parameter)
+    tell_not_validated(
+        "phase", fmt::format("--radius: the largest size parameter {:.9g}", x),
+        exact::mie_validated_size_parameter, "results", 60);
+}
+
 void compute(const PhaseJob& job) {
   const phase::Plan plan = phase::plan(job.request);
   spdlog::info("{}", plan.description);
@@ -59,6 +74,7 @@ void compute(const PhaseJob& job) {
     if (!job.output_given) return;
     (void)std::fflush(explanation);
   }
+  tell_if_not_validated(plan);
   const std::unique_ptr<table::Sink> sink =
       job.output == "none" ? std::make_unique<table::NullSink>()
                            : table::make_file_sink(job.output, plan.header, job.file_options);

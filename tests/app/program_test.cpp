@@ -46,6 +46,24 @@ TEST(Program, HelpOfEveryVerbListsItsOptions) {
   }
 }
 
+TEST(Phase, TellsWhereMieIsBeyondItsValidatedDomain) {
+  const auto sphere = [](const char* wavelengths, const char* method) {
+    return run(
+        {"phase", "--shape", "sphere", "--radius", "5mm", "--wavelengths", wavelengths, "--theta", "90",
+         "--rays", "40", "--method", method});
+  };
+  const Outcome beyond = sphere("700nm,500nm,600nm", "mie"); // the shortest of them is what counts
+  EXPECT_EQ(beyond.exit_code, 0);
+  EXPECT_EQ(
+      beyond.errors, "scatter phase: --radius: the largest size parameter 62831.8531 is beyond 50000, up to "
+                     "which results were compared with 60 digits; computed the same way\n");
+  EXPECT_EQ(nlohmann::json::parse(beyond.output).at("wavelength_m").size(), 3u);
+  const Outcome within = sphere("700nm", "mie");
+  EXPECT_EQ(within.exit_code, 0);
+  EXPECT_EQ(within.errors, "");
+  EXPECT_THAT(sphere("500nm", "patches").errors, Not(HasSubstr("50000"))) << "Mie has no part in rays";
+}
+
 TEST(Phase, WritesJsonToStandardOutputByDefaultAndNothingElse) {
   const Outcome outcome =
       run({"phase", "--shape", "sphere", "--radius", "20um", "--wavelengths", "450nm,650nm"});
