@@ -322,7 +322,8 @@ void add_bodies(CaseReport& report, const std::vector<Row>& rows) {
   report.blocks.emplace_back(Paragraph{
       "Bodies of the kinds that make codes lose digits: tiny x, x at a multiple of pi, hardly any "
       "absorption and metals, an index next to 1 and below it, the narrow resonance of b<sub>68</sub> at x "
-      "= 49.9386, the poles, x = 50,000; cylinders at tilts to 89.5 deg and at their critical tilt. The "
+      "= 49.9386, the poles, x = 50,000; cylinders on and beside resonances of widths down to 3e-13, at "
+      "tilts to 89.5 deg and at their critical tilt. The "
       "truth is the textbook's formulas (for cylinders Maxwell's boundary conditions) with 50 digits and "
       "more. Errors of Q are relative, those of S and T are relative to the largest amplitude at the same "
       "angle (of a cylinder's orders: at any angle), the worst of all angles. The estimate is what the "
@@ -363,7 +364,7 @@ void add_bodies(CaseReport& report, const std::vector<Row>& rows) {
       "A full mark for every body's error, an open one for the estimate that came with it; errors below "
       "1e-17 "
       "are drawn there. The high ones are indices next to 1, whose partial waves cancel near 180 deg, and "
-      "narrow resonances, where the last digit of x moves the result."});
+      "spheres on a narrow resonance, where the last digit of x moves the result."});
 
   std::vector<double> ratios; // of estimate to error; rounding of the truth itself hides smaller errors
   for (const Row& row : rows) ratios.push_back(row.estimate / std::max(row.amplitudes, 1e-16));

@@ -606,15 +606,19 @@ void sum_unsure_again(
   const ExtendedSolution& solution = exact();
   const double rounding = extended_epsilon * static_cast<double>(12 + 2 * solution.waves.size()) *
                           static_cast<double>(solution.whole.size());
+  const auto left_out = static_cast<double>(8 * solution.whole.rest());
   if (!std::isfinite(solution.totals.coefficient_error)) return;
   const auto sums = sum_over_azimuth(solution.waves, theta, threads);
   for (std::size_t k = 0; k < unsure.size(); ++k) {
     const std::size_t i = unsure[k];
+    const double largest = std::max({std::abs(sums.T1[k]), std::abs(sums.T2[k]), std::abs(sums.T3[k])});
+    const double error = 4 * epsilon + (rounding + left_out + solution.totals.coefficient_error) / largest;
+    if (!(error < errors[i])) continue;
+    errors[i] = error;
     amplitudes.T1[i] = sums.T1[k];
     amplitudes.T2[i] = sums.T2[k];
     amplitudes.T3[i] = sums.T3[k];
     amplitudes.T4[i] = {0 - sums.T3[k].real(), 0 - sums.T3[k].imag()};
-    errors[i] = 4 * epsilon + (rounding + solution.totals.coefficient_error) / largest_at(amplitudes, i);
   }
 }
 

@@ -89,12 +89,16 @@ SCATTER_KERNEL void accumulate(
       even[r][c] = sums[first_part + c][first_row + r];
       odd[r][c] = sums[4 + first_part + c][first_row + r];
     }
-  for (std::size_t k = 0; k < terms; k += 2)
+  // Pointers that advance: places worked out from k would cost half as many instructions as the sums.
+  constexpr std::size_t term_size = all_rows * functions, of_odd = form == Form::pairs ? 0 : term_size;
+  const double* of_term = weights + first_part;
+  const Lanes* of_even = stored + first_row * functions;
+  for (const double* const end = of_term + 4 * terms; of_term < end;
+       of_term += 8, of_even += of_odd + term_size) {
 #pragma GCC unroll 2
     for (std::size_t parity = 0; parity < 2; ++parity) {
-      const double* const weight = weights + 4 * (k + parity) + first_part;
-      const std::size_t place = form == Form::pairs ? k / 2 : k + parity;
-      const Lanes* const function = stored + (place * all_rows + first_row) * functions;
+      const double* const weight = of_term + 4 * parity;
+      const Lanes* const function = of_even + parity * of_odd;
 #pragma GCC unroll 8
       for (std::size_t c = 0; c < parts; ++c) {
         const double w = weight[c];
@@ -117,6 +121,7 @@ SCATTER_KERNEL void accumulate(
         }
       }
     }
+  }
 #pragma GCC unroll 8
   for (std::size_t r = 0; r < rows; ++r)
 #pragma GCC unroll 8

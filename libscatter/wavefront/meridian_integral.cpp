@@ -48,8 +48,9 @@ constexpr double slowest_azimuth = 0.2;
 /// About grazing exit azimuths turn back in narrow stretches, by so much at most [rad]: one of the three rays
 /// there, all of them faint, is enough.
 constexpr double most_turned_back = 0.2;
-/// The momentum grows with the angle of incidence at least by this share of what it does on a sphere.
-constexpr double slowest_momentum = 0.05;
+/// The momentum grows with the angle of incidence at least by the first share of what it does on a sphere,
+/// and nothing is gained beyond the second.
+constexpr double slowest_momentum = 0.05, fast_enough = 0.3;
 /// Rays so near to the rim [rad] say how momenta are to be unfolded.
 constexpr double off_the_rim = 0.25;
 /// A twist of 1 costs as much as momenta that change by this much, in units of a sphere's, otherwise than
@@ -157,6 +158,8 @@ struct Places {
   std::vector<double> step;     ///< each one's share of the integral; 0 for the one at the rim
   std::size_t first_beyond = 0; ///< heights from here on
   double rim_from = 0;          ///< angles from which some rays come in or leave at grazing incidence
+  /// Change of momentum per angle times the angle between ray and direction that steps are made for.
+  double steepest = 0;
 };
 
 Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<const Stretch> stretches) {
@@ -213,6 +216,7 @@ Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<con
     for (int j = 0; j < CoarseRays::azimuths; ++j)
       if (!coarse.node(order, a, j).valid) grazing = a - 1;
   places.rim_from = grazing * cell;
+  places.steepest = steepest / cell * spread;
   const int per_cell = std::max(2, static_cast<int>(std::ceil(ka * steepest * spread / (pi * phase_step))));
   for (const int a : cells)
     for (int i = 0; i < per_cell; ++i) places.at.push_back((a + (i + 0.5) / per_cell) * cell);
@@ -553,36 +557,47 @@ private:
     const int knot = static_cast<int>(std::lrint(phi / (2 * pi) * knots)) % knots;
     return knot < 0 ? knot + knots : knot;
   }
+  /// By least squares, of rays by angle of incidence.
+  [[nodiscard]] static double bend_of_rays(std::span<const Change> changes);
   /// At the rim.
   struct Rim {
     double azimuth = 0, theta = 0, bend = 0;
     bool tunnels = false;
   };
 
+  bool overlaps_;   ///< charts do by six of Fresnel's widths
+  double steepest_; ///< change of momentum per angle times the angle between ray and direction, at most
   std::array<std::vector<Change>, knots> changes_; ///< ring by ring, but for those that tunnel
   std::vector<Rim> rim_;                           ///< none: its rays go elsewhere
 };
 
-References::References(std::span<const Ring> rings, const Places& places, const Outline& outline, double ka) {
+References::References(std::span<const Ring> rings, const Places& places, const Outline& outline, double ka)
+    : overlaps_(chart_overlap[1] - chart_overlap[0] > 6 / std::sqrt(ka)), steepest_(1.3 * places.steepest) {
   for (std::size_t r = 0; r < places.first_beyond; ++r) {
     const Ring& ring = rings[r];
     const double alpha = places.at[r], from_rim = 0.5 * pi - alpha;
     if (ring.state() == Ring::State::none || places.step[r] == 0) continue;
     for (int knot = 0; knot < knots; ++knot) {
+      // Between the two rays around it.
       const int azimuths = ring.azimuths();
-      const double psi_there = ring.around(2 * pi * knot / knots).guess;
-      const int nearest = static_cast<int>(std::lrint(psi_there / (2 * pi) * azimuths)) % azimuths;
-      const int j = nearest < 0 ? nearest + azimuths : nearest;
-      if (ring.sample(foci, j) < 0) continue;
-      const double radius = series_value(outline.radius, std::cos(ring.psi(j)));
-      // Incident area per angle and azimuth; determinants are of (.., azimuth) by the impact point.
-      const double area = radius * radius * std::sin(alpha) * std::cos(alpha);
-      // Beyond the axis a sphere's momentum is negative.
-      const double unit =
-          std::copysign(ring.sample(turning, j) / (area * std::cos(alpha)), ring.sample(momentum, j));
-      changes_[knot].push_back(
-          {from_rim, from_rim, ring.sample(theta_of, j), ring.sample(determinant, j) * unit,
-           ring.sample(spreading, j) * unit});
+      const Ring::Bracket around = ring.around(2 * pi * knot / knots);
+      const double share = (around.guess - around.low) / (around.high - around.low);
+      Change change{from_rim};
+      bool tunnels = false;
+      for (const auto& [psi, part] : {std::pair{around.low, 1 - share}, {around.high, share}}) {
+        const int j = static_cast<int>(std::lrint(psi / (2 * pi) * azimuths)) % azimuths;
+        tunnels = tunnels || ring.sample(foci, j) < 0;
+        const double radius = series_value(outline.radius, std::cos(psi));
+        // Incident area per angle and azimuth; determinants are of (.., azimuth) by the impact point. Beyond
+        // the axis a sphere's momentum is negative.
+        const double area = radius * radius * std::sin(alpha) * std::cos(alpha);
+        const double unit = part * ring.sample(turning, j) / (area * std::cos(alpha)) *
+                            (ring.sample(momentum, j) < 0 ? -1 : 1);
+        change.theta += part * ring.sample(theta_of, j);
+        change.of_momentum += unit * ring.sample(determinant, j);
+        change.of_theta += unit * ring.sample(spreading, j);
+      }
+      if (!tunnels) changes_[knot].push_back(change);
     }
   }
   if (places.first_beyond == 0 || places.first_beyond >= rings.size()) return;
@@ -617,6 +632,19 @@ References::References(std::span<const Ring> rings, const Places& places, const 
   }
 }
 
+double References::bend_of_rays(std::span<const Change> changes) {
+  double rays = 0, p = 0, q = 0, pq = 0, qq = 0;
+  for (const Change& change : changes | std::views::filter(&Change::is_next_to_rim)) {
+    ++rays;
+    p += change.of_momentum;
+    q += change.of_theta;
+    pq += change.of_momentum * change.of_theta;
+    qq += change.of_theta * change.of_theta;
+  }
+  const double spread = rays * qq - q * q;
+  return spread > 0 ? (rays * pq - p * q) / spread : 0;
+}
+
 Reference References::at_rim(double phi) const {
   const auto apart = [&](const Rim& rim) {
     const double a = phi - rim.azimuth;
@@ -628,6 +656,10 @@ Reference References::at_rim(double phi) const {
     if (a < 0 || b >= 0 || a - b > 1) continue;
     double share = a / (a - b);
     if (before.tunnels != after.tunnels) share = std::rint(share);
+    // Behind rays that tunnel out the bend is that of the first ones that do not: momenta over directions are
+    // a line there.
+    if ((share < 0.5 ? before : after).tunnels)
+      return {(1 - share) * before.theta + share * after.theta, bend_of_rays(changes_[knot_at(phi)]), 0};
     return {
         (1 - share) * before.theta + share * after.theta, (1 - share) * before.bend + share * after.bend, 0};
   }
@@ -636,11 +668,17 @@ Reference References::at_rim(double phi) const {
 
 std::vector<Chart> References::charts(double phi, const Stretch& s) const {
   const std::vector<Change>& changes = changes_[knot_at(phi)];
-  const auto unfolds = [&](const Chart& chart) {
-    return std::ranges::all_of(changes, [&](const Change& change) {
-      return change.theta < s.from() || change.theta > s.to() || chart.weight(change.from_rim) == 0 ||
-             change.with(chart.reference.slope(change.theta)) > slowest_momentum;
-    });
+  // The least that a chart's momenta grow by; 0 where they turn back, or change faster than rings resolve.
+  const auto growth = [&](const Chart& chart) {
+    double least = 1;
+    for (const Change& change : changes) {
+      if (change.theta < s.from() || change.theta > s.to() || chart.weight(change.from_rim) == 0) continue;
+      const double here = change.with(chart.reference.slope(change.theta));
+      const double angle = std::abs(change.theta - s.middle) + s.half;
+      if (here * std::sin(change.from_rim) * angle > steepest_) return 0.0;
+      least = std::min(least, std::max(here, 0.0));
+    }
+    return least;
   };
   const Reference bent = at_rim(phi);
   // The twist for which the momentum changes off the rim as on a sphere, by least squares.
@@ -651,13 +689,18 @@ std::vector<Chart> References::charts(double phi, const Stretch& s) const {
     above += by_twist * (change.with(bent.bend) - 1);
     below += by_twist * by_twist + cost_of_twist * cost_of_twist;
   }
-  if (below > 0) twisted.twist = above / below;
-  for (const Reference& reference : {bent, twisted})
-    if (const Chart all{Chart::Of::all, reference}; unfolds(all)) return {all};
+  if (below > 0 && !rim_.empty()) twisted.twist = above / below;
+  // The bend alone where that is enough.
+  const auto better = [&](Chart::Of of) {
+    const Chart one{of, bent}, other{of, twisted};
+    const double with_bend = growth(one), with_twist = growth(other);
+    const bool is_enough = with_bend > fast_enough || with_bend >= with_twist;
+    return std::pair{is_enough ? one : other, is_enough ? with_bend : with_twist};
+  };
+  if (const auto [all, grows] = better(Chart::Of::all); grows > slowest_momentum) return {all};
   const Chart rest{Chart::Of::rest, {}};
-  if (!unfolds(rest)) return {};
-  for (const Reference& reference : {bent, twisted})
-    if (const Chart rim{Chart::Of::rim, reference}; unfolds(rim)) return {rim, rest};
+  if (!overlaps_ || growth(rest) < slowest_momentum) return {};
+  if (const auto [rim, grows] = better(Chart::Of::rim); grows > slowest_momentum) return {rim, rest};
   return {};
 }
 

@@ -12,8 +12,8 @@ namespace scatter::wavefront {
 /// One order's part of a block of columns.
 class MeridianIntegral {
 public:
-  /// Takes over `wanted` wherever the azimuth of a ray's direction can stand for that of its impact, and
-  /// traces the rays. Keeps references to rays and layout.
+  /// Takes over `wanted` wherever the azimuth of a ray's direction can stand for that of its impact and
+  /// momenta can be kept from folding, and traces the rays. Keeps references to rays and layout.
   MeridianIntegral(
       RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& layout,
       Columns columns, const IntegralShare& wanted);
@@ -35,7 +35,7 @@ private:
 
 /// What it takes per order between its making and its end, about: rays of a drop of that size parameter.
 [[nodiscard]] constexpr double meridian_rays_bytes(double size_parameter) {
-  return (0.3 * size_parameter + 200) * 64 * 16 * sizeof(double);
+  return (0.3 * size_parameter + 200) * (64 * 16 + 128 * 10) * sizeof(double);
 }
 
 } // namespace scatter::wavefront

@@ -67,7 +67,8 @@ protected:
   const CylinderResult result =
       cylinder_at_degrees(exact["x"], as_complex(exact["m"]), exact["tilt_deg"], angles, orders);
 
-  /// What the header promises of T, resonances as everything; an index next to 1 is the documented exception.
+  /// Of T, resonances as everything; an index next to 1 is the documented exception. Case `exact` holds what
+  /// the header promises.
   double amplitude_limit() const { return std::abs(as_complex(exact["m"]) - 1.0) < 1e-3 ? 1e-11 : 1e-13; }
 
   void SetUp() override { ASSERT_EQ(angles.size(), result.amplitudes.T1.size()); }
