@@ -14,7 +14,7 @@ namespace {
 
 void check_not_negative(const std::string& name, double value) {
   if (!(value >= 0 && std::isfinite(value)))
-    throw InputError(fmt::format("{}: {} is not 0 or more", name, value));
+    throw InputError(fmt::format("{}: {} is not finite and 0 or more", name, value));
 }
 
 void check(const char* name, const Highlight& highlight) {
@@ -117,6 +117,7 @@ Rgb ArtistHair::eval(const Angles& at) const {
 }
 
 Rgb ArtistHair::eval_scattered(const Angles& at, const Rgb& variance) const {
+  check_variance(variance);
   const Angles angles = bounded(at);
   const double cosine = std::cos(std::clamp(angles.theta_d(), -largest_theta_d, largest_theta_d));
   Rgb sum{};
@@ -135,6 +136,7 @@ Rgb ArtistHair::eval_scattered(const Angles& at, const Rgb& variance) const {
 }
 
 std::vector<ScatteredLobe> ArtistHair::scattered_lobes(double, const Rgb& variance) const {
+  check_variance(variance);
   std::vector<ScatteredLobe> found(lobe_count);
   for (std::size_t lobe = 0; lobe < lobe_count; ++lobe) {
     const LongitudinalKernel& kernel = kernels_[lobe];

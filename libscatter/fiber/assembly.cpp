@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 namespace scatter::fiber {
 namespace {
@@ -32,7 +33,14 @@ void check_finite(const char* name, double value) {
 
 void check_not_negative(const char* name, double value) {
   if (!(value >= 0 && std::isfinite(value)))
-    throw InputError(fmt::format("{}: {} is not 0 or more", name, value));
+    throw InputError(fmt::format("{}: {} is not finite and 0 or more", name, value));
+}
+
+/// As check_inclination(), the axis itself included: there a table's outermost values hold.
+void check_table_angle(const std::string& name, double theta_i) {
+  if (!(std::abs(theta_i) <= pi / 2))
+    throw InputError(
+        fmt::format("{}: {:g} deg is not between -90 deg and 90 deg", name, theta_i / radians_per_degree));
 }
 
 template <typename Fibre>
@@ -57,6 +65,20 @@ constexpr std::size_t single_nodes = 36;
 /// Wider than this [rad^2 of theta_h] a Gaussian is flat over all of a fibre to 1 %, and is drawn as if it
 /// were no wider.
 constexpr double widest_drawn = 100;
+/// Room for the peaks of what carries this energy, and for its weights.
+constexpr double largest_energy = 1e280;
+
+[[noreturn]] void refuse_overflow() {
+  throw InputError(fmt::format(
+      "the shadow, the adjustments and the fibre make light of more than {:g} times what arrives; smaller "
+      "transmittances or intensities are needed",
+      largest_energy));
+}
+
+void check_no_overflow(const Rgb& light) {
+  for (const double value : light)
+    if (!std::isfinite(value)) refuse_overflow();
+}
 
 double checked_share(const char* name, double value) {
   if (!(value >= 0 && value <= 1))
@@ -70,6 +92,24 @@ void check(const Shadow& shadow) {
     check_not_negative("shadow.transmittance", shadow.transmittance[c]);
     check_not_negative("shadow.variance", shadow.variance[c]);
   }
+}
+
+DualScatteringOptions checked(const DualScatteringOptions& options) {
+  checked_share("d_f", options.d_f);
+  checked_share("d_b", options.d_b);
+  const MultipleAdjustments& adjust = options.adjustments;
+  check_finite("back_intensity", adjust.back_intensity);
+  check_finite("forward_intensity", adjust.forward_intensity);
+  check_finite("back_shift", adjust.back_shift);
+  check_finite("back_variance", adjust.back_variance);
+  for (std::size_t c = 0; c < 3; ++c) {
+    check_finite("back_colour", adjust.back_colour[c]);
+    check_finite("forward_colour", adjust.forward_colour[c]);
+    check_finite("back_colour times back_intensity", adjust.back_colour[c] * adjust.back_intensity);
+    check_finite(
+        "forward_colour times forward_intensity", adjust.forward_colour[c] * adjust.forward_intensity);
+  }
+  return options;
 }
 
 } // namespace
@@ -159,6 +199,7 @@ std::array<double, AssemblyTable::per_node> AssemblyTable::interpolate(double th
 }
 
 AssemblyAverages AssemblyTable::operator()(double theta_i) const {
+  check_table_angle("theta_i", theta_i);
   const auto found = interpolate(theta_i);
   AssemblyAverages averages;
   std::size_t k = 0;
@@ -184,18 +225,7 @@ DualScattering::DualScattering(
     std::shared_ptr<const FiberScattering> single, std::shared_ptr<const LobedScattering> multiple,
     const DualScatteringOptions& options)
     : single_(present("single", std::move(single))), multiple_(present("multiple", std::move(multiple))),
-      options_(options), table_(*multiple_, options.variant, options.nodes) {
-  checked_share("d_f", options.d_f);
-  checked_share("d_b", options.d_b);
-  const MultipleAdjustments& adjust = options.adjustments;
-  for (std::size_t c = 0; c < 3; ++c) {
-    check_finite("back_colour", adjust.back_colour[c]);
-    check_finite("forward_colour", adjust.forward_colour[c]);
-  }
-  check_finite("back_intensity", adjust.back_intensity);
-  check_finite("forward_intensity", adjust.forward_intensity);
-  check_finite("back_shift", adjust.back_shift);
-  check_finite("back_variance", adjust.back_variance);
+      options_(checked(options)), table_(*multiple_, options.variant, options.nodes) {
   for (std::size_t i = 0; i < single_nodes; ++i) {
     const double theta_i = ((static_cast<double>(i) + 0.5) / single_nodes - 0.5) * pi;
     const Rgb energy = single_ == multiple_ ? energies(table_(theta_i)) : single_->albedo(theta_i);
@@ -205,6 +235,8 @@ DualScattering::DualScattering(
 
 Shadow DualScattering::through(std::span<const double> theta_i) const {
   Shadow shadow;
+  for (std::size_t i = 0; i < theta_i.size(); ++i)
+    check_table_angle(fmt::format("theta_i[{}]", i), theta_i[i]);
   shadow.direct = theta_i.empty() ? 1 : 0;
   for (const double theta : theta_i) {
     const AssemblyAverages averages = table_(theta);
@@ -218,8 +250,7 @@ Shadow DualScattering::through(std::span<const double> theta_i) const {
 
 Shadow DualScattering::estimated(double theta_i, double opacity, double strands_of_full_shadow) const {
   checked_share("opacity", opacity);
-  if (!(strands_of_full_shadow >= 0 && std::isfinite(strands_of_full_shadow)))
-    throw InputError(fmt::format("strands_of_full_shadow: {} is not 0 or more", strands_of_full_shadow));
+  check_not_negative("strands_of_full_shadow", strands_of_full_shadow);
   const double n = opacity * strands_of_full_shadow;
   const AssemblyAverages averages = table_(theta_i);
   Shadow shadow;
@@ -242,9 +273,11 @@ double DualScattering::passed(const Shadow& shadow, std::size_t colour) const {
 }
 
 Rgb DualScattering::back(const Angles& at, const Rgb& variance) const {
-  for (const double one : variance) check_not_negative("variance", one);
+  check_variance(variance);
   const Angles angles = bounded(at);
-  return back(table_(angles.theta_i), angles, variance);
+  const Rgb found = back(table_(angles.theta_i), angles, variance);
+  check_no_overflow(found);
+  return found;
 }
 
 Rgb DualScattering::back(const AssemblyAverages& averages, const Angles& angles, const Rgb& variance) const {
@@ -280,6 +313,7 @@ DualScattering::multiple(const Angles& angles, const Shadow& shadow, double fact
     parts.forward[c] = through * f_scatter[c] * adjust.forward_colour[c] * adjust.forward_intensity;
     parts.forward_back[c] = through * pi * options_.d_b * back_scatter[c];
   }
+  check_no_overflow(parts.sum());
   return parts;
 }
 
@@ -294,14 +328,15 @@ DualScattering::Mixture DualScattering::mixture(double theta_i, const Shadow& sh
   Mixture found;
   const double at = std::clamp((theta_i / pi + 0.5) * single_nodes - 0.5, 0.0, single_nodes - 1.0);
   const auto node = std::min(static_cast<std::size_t>(at), single_nodes - 2);
-  found.energies.push_back(
+  found.shares.push_back(
       shadow.direct *
       std::lerp(single_energy_[node], single_energy_[node + 1], at - static_cast<double>(node)));
   const auto add = [&](double shift, double variance, double energy) {
     if (energy == 0) return;
-    const double deviation = 2 * std::sqrt(std::min(variance, widest_drawn));
-    found.spreads.emplace_back(2 * shift - theta_i, deviation, -pi / 2, pi / 2);
-    found.energies.push_back(std::abs(energy) * found.spreads.back().mass());
+    const double drawn = std::min(variance, widest_drawn);
+    found.spreads.emplace_back(2 * shift - theta_i, 2 * std::sqrt(drawn), -pi / 2, pi / 2);
+    // What is drawn narrower is higher than what is meant.
+    found.shares.push_back(std::abs(energy) * found.spreads.back().mass() * std::sqrt(drawn / variance));
   };
   const MultipleAdjustments& adjust = options_.adjustments;
   const AssemblyAverages averages = table_(theta_i);
@@ -317,20 +352,26 @@ DualScattering::Mixture DualScattering::mixture(double theta_i, const Shadow& sh
     for (std::size_t c = 0; c < 3; ++c)
       add(lobe.shift, lobe.variance[c],
           lobe.energy[c] * adjust.forward_colour[c] * adjust.forward_intensity * passed(shadow, c));
-  for (const double energy : found.energies) found.whole += energy;
+  double whole = 0;
+  for (const double energy : found.shares) whole += energy;
+  if (!(whole <= largest_energy)) refuse_overflow();
+  if (whole > least_energy) {
+    for (double& share : found.shares) share /= whole;
+  } else { // Where nothing leaves, directions are the single scattering's.
+    std::ranges::fill(found.shares, 0);
+    found.shares[0] = 1;
+  }
   return found;
 }
 
 double DualScattering::density(const Mixture& mixture, const Angles& angles) const {
-  // Where nothing leaves, directions are the single scattering's.
-  if (!(mixture.whole > least_energy)) return single_->pdf(angles);
   double along = 0;
   for (std::size_t k = 0; k < mixture.spreads.size(); ++k)
-    if (mixture.energies[k + 1] > 0)
-      along += mixture.energies[k + 1] * mixture.spreads[k].density(angles.theta_o);
+    if (mixture.shares[k + 1] > 0)
+      along += mixture.shares[k + 1] * mixture.spreads[k].density(angles.theta_o);
   double sum = along / (2 * pi * std::max(std::cos(angles.theta_o), 1e-12));
-  if (mixture.energies[0] > 0) sum += mixture.energies[0] * single_->pdf(angles);
-  return sum / mixture.whole;
+  if (mixture.shares[0] > 0) sum += mixture.shares[0] * single_->pdf(angles);
+  return sum;
 }
 
 double DualScattering::pdf(const Angles& at, const Shadow& shadow) const {
@@ -344,16 +385,11 @@ DualScattering::sample(double theta_i, const Shadow& shadow, const std::array<do
   check(shadow);
   theta_i = bounded({theta_i, 0, 0}).theta_i;
   const Mixture mixed = mixture(theta_i, shadow);
-  std::vector<double> shares{1};
-  if (mixed.whole > least_energy) {
-    shares = mixed.energies;
-    for (double& share : shares) share /= mixed.whole;
-  }
-  const std::size_t part = chosen(shares, u[0]);
+  const std::size_t part = chosen(mixed.shares, u[0]);
   ScatteringSample drawn;
   if (part == 0) {
     // What of u[0] did not choose the part chooses within it.
-    drawn = single_->sample(theta_i, {std::min(u[0] / shares[0], 1 - 0x1p-53), u[1], u[2]});
+    drawn = single_->sample(theta_i, {std::min(u[0] / mixed.shares[0], 1 - 0x1p-53), u[1], u[2]});
   } else {
     drawn.theta_o = mixed.spreads[part - 1].sample(u[1]);
     drawn.phi = wrap_angle(2 * pi * u[2]);
@@ -394,8 +430,13 @@ DualScattering::Parts DualScattering::albedo(double theta_i, const Shadow& shado
     return sums;
   };
   Sums sums{};
+  // A first pass says how much there is, of which all panels may miss 1e-9 together. Of nothing, nothing.
+  double whole = 0;
+  for (std::size_t i = 0; i + 1 < cuts.size(); ++i)
+    for (const double part : gauss_legendre<Sums>(at, cuts[i], cuts[i + 1])) whole += std::abs(part);
+  const double tolerance = std::max(1e-9 / static_cast<double>(cuts.size()) * whole, 1e-300);
   for (std::size_t i = 0; i + 1 < cuts.size(); ++i) {
-    const Sums part = integrate<Sums>(at, cuts[i], cuts[i + 1], 1e-11 * mixed.whole);
+    const Sums part = integrate<Sums>(at, cuts[i], cuts[i + 1], tolerance);
     for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += part[k];
   }
   Parts parts;

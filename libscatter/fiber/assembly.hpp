@@ -48,6 +48,7 @@ public:
   /// nodes: 12 or more, InputError otherwise.
   explicit AssemblyTable(
       const FiberScattering& fiber, Variant variant = Variant::corrected, std::size_t nodes = 181);
+  /// |theta_i| <= pi/2; throws InputError for what is beyond and for NaN.
   [[nodiscard]] AssemblyAverages operator()(double theta_i) const;
   /// Bound of the errors of a_f, a_b and the shifts and widths [rad] up to |theta_i| = 80 deg: six times what
   /// was found at 24 places half way between nodes. For hair at the standard widths and 181 nodes below 1e-6.
@@ -109,23 +110,27 @@ public:
   };
 
   /// single: what is seen of direct light; multiple: what all averages and scattered light are made from
-  /// (4.6.3). Often the same object. Throws InputError for density factors outside 0..1, adjustments that are
-  /// not finite, and a fibre that is missing.
+  /// (4.6.3). Often the same object. Throws InputError, before any table is made, for density factors outside
+  /// 0..1, adjustments that are not finite or whose colour times intensity is not, and a fibre that is
+  /// missing.
   DualScattering(
       std::shared_ptr<const FiberScattering> single, std::shared_ptr<const LobedScattering> multiple,
       const DualScatteringOptions& options = {});
 
   /// Exact count: the inclinations [rad] of the light to each strand that its ray passes. direct = 1 without
-  /// strands and 0 with any.
+  /// strands and 0 with any. Throws InputError that names the first one that is not |theta_i| <= pi/2.
   [[nodiscard]] Shadow through(std::span<const double> theta_i) const;
   /// The dissertation's estimate (4.23, 4.24): a shadow's opacity 0..1 stands for n = opacity *
   /// strands_of_full_shadow strands, a real number, as inclined to the light as the one looked at; direct =
-  /// 1 - opacity. Throws InputError when a number is out of range.
+  /// 1 - opacity. Throws InputError unless |theta_i| <= pi/2 and the other numbers are in range: strands
+  /// finite and 0 or more.
   [[nodiscard]] Shadow estimated(double theta_i, double opacity, double strands_of_full_shadow) const;
 
   /// Angles in radians, clamped to |theta| <= pi/2; the shadow as through() or estimated() give it: direct
   /// 0..1, transmittance and variance [rad^2] 0 or more. Averages are those of the table, with its
-  /// error_estimate(). Throws InputError for angles that are not numbers, and for a shadow out of range.
+  /// error_estimate(). Throws InputError for angles that are not numbers, for a shadow out of range, and when
+  /// intensities and transmittances are so large that the light is more than 1e280 times what arrives, or no
+  /// finite number.
   [[nodiscard]] Parts eval(const Angles& angles, const Shadow& shadow) const;
   /// Density [1/sr] with which sample() draws the eye's direction for light from angles.theta_i. Throws as
   /// eval() does.
@@ -141,21 +146,25 @@ public:
   [[nodiscard]] ScatteringSample
   sample(double theta_i, const Shadow& shadow, const std::array<double, 3>& u) const;
   /// Integral of F cos theta_o d omega, |theta_i| < pi/2, part by part: the light that leaves over what falls
-  /// on the strand. `single` has its own albedo's accuracy; the others are integrated along the fibre to
-  /// 1e-9 of their sum. It may be above 1: dual scattering does not conserve energy, see BackEnergy.
+  /// on the strand. `single` has its own albedo's accuracy; the others are integrated along the fibre,
+  /// each to 1e-9 of the sum of their magnitudes over all colours, without `single`. Throws InputError for
+  /// theta_i out of bounds, and as eval() does. It may be above 1: dual scattering does not conserve energy,
+  /// see BackEnergy.
   [[nodiscard]] Parts albedo(double theta_i, const Shadow& shadow) const;
   /// 2 A_b g(sigma_b^2 + variance, theta_h - Delta_b) / (pi cos^2 theta_d): Zinke's local multiple
-  /// scattering, with the adjustments; variance [rad^2] is 0 for direct light.
+  /// scattering, with the adjustments; variance [rad^2], finite and 0 or more, is 0 for direct light. Throws
+  /// InputError for another variance, for angles that are not numbers, and when the light is no finite
+  /// number.
   [[nodiscard]] Rgb back(const Angles& angles, const Rgb& variance) const;
   [[nodiscard]] const AssemblyTable& table() const { return table_; }
   [[nodiscard]] const DualScatteringOptions& options() const { return options_; }
 
 private:
-  /// What directions are drawn from: the energy of `single`, then those of the spreads of theta_o, about.
+  /// What directions are drawn from: the share of `single`, then those of the spreads of theta_o, by their
+  /// energies, about. The sum is 1.
   struct Mixture {
     std::vector<TruncatedNormal> spreads;
-    std::vector<double> energies;
-    double whole = 0;
+    std::vector<double> shares;
   };
   /// The parts times a factor, which is cos theta_i in eval().
   [[nodiscard]] Parts parts(const Angles& angles, const Shadow& shadow, double factor) const;

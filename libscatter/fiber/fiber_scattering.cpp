@@ -36,6 +36,12 @@ void check_inclination(double theta_i) {
         "theta_i: {:g} deg is not between -90 deg and 90 deg, both excluded", theta_i / radians_per_degree));
 }
 
+void check_variance(const Rgb& variance) {
+  for (const double value : variance)
+    if (!(value >= 0 && std::isfinite(value)))
+      throw InputError(fmt::format("variance: {} is not finite and 0 or more", value));
+}
+
 std::size_t chosen(std::span<const double> shares, double u) {
   std::size_t at = 0;
   while (at + 1 < shares.size() && u >= shares[at]) u -= shares[at++];

@@ -72,11 +72,13 @@ class LobedScattering : public FiberScattering {
 public:
   /// Light that has passed through strands before: sum of M^G_X N^G_X / cos^2 theta_d, where each lobe's
   /// variance has grown by variance[channel] [rad^2], and N^G_X is the mean of N_X over pi/2 <= |phi| <= pi
-  /// (4.34, 4.35). phi of the angles does not matter.
+  /// (4.34, 4.35). phi of the angles does not matter. Throws InputError for a variance that is negative or
+  /// not finite, as scattered_lobes() does.
   [[nodiscard]] virtual Rgb eval_scattered(const Angles& angles, const Rgb& variance) const = 0;
   /// The lobes that eval_scattered() is a sum of, to draw directions from: normal distributions of theta_h,
-  /// uniform around the fibre. Shifts and variances are exact; an energy is that of the lobe's peak and
-  /// leaves out cos^2 theta_o / cos^2 theta_d.
+  /// uniform around the fibre. Shifts and variances are exact; an energy leaves out cos^2 theta_o /
+  /// cos^2 theta_d and takes what goes around the fibre where it is brightest: of the lobe's peak and one and
+  /// two deviations of theta_o to either side.
   [[nodiscard]] virtual std::vector<ScatteredLobe>
   scattered_lobes(double theta_i, const Rgb& variance) const = 0;
 };
@@ -90,6 +92,9 @@ inline constexpr double largest_theta_d = 1.5707863267948966;
 
 /// Throws InputError unless -pi/2 < theta_i < pi/2.
 void check_inclination(double theta_i);
+
+/// Throws InputError unless every colour's variance is finite and 0 or more.
+void check_variance(const Rgb& variance);
 
 /// Which of the shares, 0 or more with the sum 1, has u in 0..1: never one that is 0, however sums round, if
 /// any other is not.

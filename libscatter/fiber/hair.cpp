@@ -38,7 +38,7 @@ HairParameters checked(const HairParameters& parameters) {
     throw InputError(fmt::format("eta: {} is not above 1 (and at most 10); hair has 1.55", parameters.eta));
   for (const double sigma : parameters.sigma_a)
     if (!(sigma >= 0 && std::isfinite(sigma)))
-      throw InputError(fmt::format("sigma_a: {} is not 0 or more per radius", sigma));
+      throw InputError(fmt::format("sigma_a: {} is not finite and 0 or more per radius", sigma));
   // The widest lobe must stay below 90 deg as well, and the shift that is largest.
   if (!(std::abs(parameters.shift) < pi / 3))
     throw InputError(fmt::format(
@@ -168,7 +168,12 @@ Rgb HairScattering::eval(const Angles& at) const {
   return sum;
 }
 
+double HairScattering::forward_half(std::size_t lobe, std::size_t channel, double theta_d) const {
+  return lobe == 3 ? 0.5 * residual(channel, theta_d) : table_(9 * channel + 3 * lobe + 2, theta_d);
+}
+
 Rgb HairScattering::eval_scattered(const Angles& at, const Rgb& variance) const {
+  check_variance(variance);
   const Angles angles = bounded(at);
   const double theta_h = angles.theta_h();
   const double theta_d = std::clamp(angles.theta_d(), -largest_theta_d, largest_theta_d);
@@ -177,23 +182,29 @@ Rgb HairScattering::eval_scattered(const Angles& at, const Rgb& variance) const 
   for (std::size_t lobe = 0; lobe < lobes(); ++lobe)
     for (std::size_t channel = 0; channel < 3; ++channel)
       sum[channel] += kernels_[lobe].spread(variance[channel], theta_h) / (c * c) *
-                      (moments(lobe, channel, theta_d).forward_half / pi);
+                      (forward_half(lobe, channel, theta_d) / pi);
   return sum;
 }
 
 std::vector<ScatteredLobe> HairScattering::scattered_lobes(double theta_i, const Rgb& variance) const {
+  check_variance(variance);
   theta_i = bounded({theta_i, 0, 0}).theta_i;
   std::vector<ScatteredLobe> found(lobes());
   for (std::size_t lobe = 0; lobe < lobes(); ++lobe) {
     const LongitudinalKernel& kernel = kernels_[lobe];
-    const double peak = std::clamp(2 * kernel.shift() - theta_i, -pi / 2, pi / 2);
-    const double theta_d = std::clamp(0.5 * (peak - theta_i), -largest_theta_d, largest_theta_d);
+    const double peak = 2 * kernel.shift() - theta_i;
     found[lobe].shift = kernel.shift();
     for (std::size_t channel = 0; channel < 3; ++channel) {
       found[lobe].variance[channel] = kernel.width() * kernel.width() + variance[channel];
+      const double deviation = 2 * std::sqrt(found[lobe].variance[channel]); // of theta_o
+      double brightest = 0;
+      for (const double away : {-2.0, -1.0, 0.0, 1.0, 2.0}) {
+        const double theta_o = std::clamp(peak + away * deviation, -pi / 2, pi / 2);
+        const double theta_d = std::clamp(0.5 * (theta_o - theta_i), -largest_theta_d, largest_theta_d);
+        brightest = std::max(brightest, forward_half(lobe, channel, theta_d));
+      }
       // The mean over the half circle beyond, all around.
-      found[lobe].energy[channel] =
-          kernel.area() * 2 * std::max(0.0, moments(lobe, channel, theta_d).forward_half);
+      found[lobe].energy[channel] = kernel.area() * 2 * brightest;
     }
   }
   return found;

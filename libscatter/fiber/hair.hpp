@@ -84,6 +84,8 @@ public:
 private:
   void build(double tolerance);
   [[nodiscard]] double residual(std::size_t channel, double theta_d) const;
+  /// As moments() has it.
+  [[nodiscard]] double forward_half(std::size_t lobe, std::size_t channel, double theta_d) const;
   HairScattering(
       const HairParameters& parameters, std::array<std::shared_ptr<const CrossSection>, 3> sections,
       double least_uniform, double tolerance);

@@ -13,6 +13,7 @@
 #include <fstream>
 #include <limits>
 #include <map>
+#include <random>
 
 namespace {
 
@@ -175,6 +176,12 @@ TEST(Assembly, TableKeepsItsError) {
   EXPECT_LT(worst, table.error_estimate());
   EXPECT_GT(worst, 1e-3 * table.error_estimate());
   EXPECT_THROW(AssemblyTable(hair, Variant::corrected, 5), InputError);
+  // Up to the axis and not beyond.
+  EXPECT_EQ(table(pi / 2).a_f, table(1.5707).a_f);
+  for (const double bad :
+       {std::nan(""), std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(), 1.6,
+        -1.6})
+    EXPECT_THROW((void)table(bad), InputError) << bad;
 }
 
 /// R alone: a mirror around a fibre. The general averages need no lobes.
@@ -446,6 +453,69 @@ TEST(DualScattering, WeightsAreBounded) {
   EXPECT_LT(grazing, 20);
 }
 
+/// The peaks of TT and TRT lie at theta_d = 90 deg, where nothing passes, and their flanks are bright.
+TEST(DualScattering, WeightsOfScatteredLightAreBoundedWhenGrazing) {
+  HairParameters light;
+  light.sigma_a = {0.02, 0.06, 0.2};
+  DualScatteringOptions options;
+  options.nodes = 61;
+  options.d_b = 0;
+  Shadow shadow;
+  shadow.direct = 0;
+  for (const HairParameters& parameters : {HairParameters{}, light})
+    for (const bool residual : {false, true}) {
+      HairParameters used = parameters;
+      used.residual = residual;
+      const auto hair = std::make_shared<const HairScattering>(used);
+      const DualScattering dual(hair, hair, options);
+      for (const double theta_i : {-1.57, -1.5, 1.57}) {
+        const Rgb albedo = dual.albedo(theta_i, shadow).sum();
+        // In every direction, however rarely it is drawn; phi does not matter.
+        double largest = 0;
+        for (int i = 0; i < 2000; ++i) {
+          const Angles at{theta_i, pi * ((i + 0.5) / 2000 - 0.5), 0};
+          const double over = std::cos(at.theta_o) / (std::cos(theta_i) * dual.pdf(at, shadow));
+          for (const double value : dual.eval(at, shadow).sum())
+            largest = std::max(largest, value * over / (albedo[0] + albedo[1] + albedo[2]));
+        }
+        // 0.72 at most is measured; by the energies of the peaks alone it is 264.
+        EXPECT_LT(largest, 1) << theta_i << (residual ? " with" : " without") << " the residual";
+      }
+    }
+}
+
+/// Light that is spread over far more than all directions of theta_h all but misses the fibre: directions are
+/// then those of what is left.
+TEST(DualScattering, WideShadowsAreDrawnByWhatArrives) {
+  const auto hair = std::make_shared<const HairScattering>(HairParameters{});
+  DualScatteringOptions options;
+  options.nodes = 61;
+  const DualScattering dual(hair, hair, options);
+  Shadow lit, shadow;
+  lit.direct = shadow.direct = 0.5;
+  lit.transmittance = {};
+  for (const double variance : {1e8, 1e300}) {
+    shadow.variance = {variance, variance, variance};
+    for (const double theta_o : {-1.2, -0.3, 0.0, 0.9}) {
+      const Angles at{0.3, theta_o, 0.7};
+      // The Gaussian of 1e8 rad^2 has 1e-4 of its area over the directions there are.
+      EXPECT_NEAR(dual.pdf(at, shadow), dual.pdf(at, lit), 0.01 * dual.pdf(at, lit)) << variance;
+    }
+  }
+  // A shadow of 400 rad^2 has half the height of one of 100, to 2 %, and neither has a shape.
+  options.d_b = 0;
+  const DualScattering forward(hair, hair, options);
+  const auto share = [&](double variance) {
+    shadow.variance = {variance, variance, variance};
+    // Where the single scattering sends nothing: what is drawn there comes from the wide parts alone.
+    const Angles at{0.3, 1.5, 0.7};
+    const double all = forward.pdf(at, shadow), single = hair->pdf(at);
+    const double flat = 1 / (2 * pi * pi * std::cos(1.5)); // density of a wide part
+    return (all - single) / (flat - all);                  // over the share of `single`
+  };
+  EXPECT_NEAR(share(400) / share(100), 0.5, 0.01);
+}
+
 TEST(DualScattering, SamplesAreFiniteAtTheEdges) {
   const double last = 1 - 0x1p-53;
   for (const DualScattering& dual : shadings())
@@ -539,6 +609,85 @@ TEST(DualScattering, RefusesWhatItCannotShade) {
   EXPECT_THROW(DualScattering(hair, nullptr, options), InputError);
   options.adjustments.back_shift = nan;
   EXPECT_THROW(DualScattering(hair, hair, options), InputError);
+  for (const double bad : {nan, inf, 1.6}) {
+    EXPECT_THROW((void)dual.estimated(bad, 0.5, 4), InputError);
+    EXPECT_THROW((void)dual.through(std::array{0.1, bad}), InputError);
+  }
+  const auto refusal = [](const auto& call) -> std::string {
+    try {
+      call();
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "nothing refused";
+  };
+  EXPECT_EQ(
+      refusal([&] {
+        (void)dual.through(std::array{0.1, nan});
+      }),
+      "theta_i[1]: nan deg is not between -90 deg and 90 deg");
+  EXPECT_EQ(
+      refusal([&] { (void)dual.estimated(2 * pi, 0.5, 4); }),
+      "theta_i: 360 deg is not between -90 deg and 90 deg");
+  EXPECT_EQ(
+      refusal([&] { (void)dual.estimated(0, 0.5, inf); }),
+      "strands_of_full_shadow: inf is not finite and 0 or more");
+  EXPECT_EQ(refusal([&] { (void)dual.back({}, {0, inf, 0}); }), "variance: inf is not finite and 0 or more");
+  for (const double bad : {nan, inf, -0.1}) {
+    const auto artist = std::make_shared<const ArtistHair>(ArtistHairParameters{});
+    for (const std::shared_ptr<const LobedScattering>& fibre :
+         {std::shared_ptr<const LobedScattering>(hair), std::shared_ptr<const LobedScattering>(artist),
+          std::shared_ptr<const LobedScattering>(std::make_shared<const NormalisedScattering>(artist))}) {
+      EXPECT_THROW((void)fibre->scattered_lobes(0.1, {0, bad, 0}), InputError);
+      EXPECT_THROW((void)fibre->eval_scattered({0.1, 0.2, 0}, {0, 0, bad}), InputError);
+    }
+  }
+}
+
+/// A fibre that counts how often it is asked.
+struct Counting : HairScattering {
+  using HairScattering::HairScattering;
+  [[nodiscard]] std::vector<LobeEnergy> lobe_energies(double theta_i) const override {
+    ++asked;
+    return HairScattering::lobe_energies(theta_i);
+  }
+  mutable int asked = 0;
+};
+
+TEST(DualScattering, OptionsAreRefusedBeforeTablesAreMade) {
+  const auto hair = std::make_shared<const Counting>(HairParameters{});
+  for (int spoil = 0; spoil < 6; ++spoil) {
+    DualScatteringOptions options;
+    MultipleAdjustments& adjust = options.adjustments;
+    if (spoil == 0) options.d_f = 2;
+    if (spoil == 1) options.d_b = std::nan("");
+    if (spoil == 2) adjust.back_colour[1] = std::numeric_limits<double>::infinity();
+    if (spoil == 3) adjust.forward_intensity = std::nan("");
+    if (spoil == 4) adjust.back_variance = -std::numeric_limits<double>::infinity();
+    if (spoil == 5) adjust.forward_colour[2] = adjust.forward_intensity = 1e200; // their product
+    EXPECT_THROW(DualScattering(hair, hair, options), InputError) << spoil;
+  }
+  EXPECT_EQ(hair->asked, 0);
+}
+
+TEST(DualScattering, RefusesMoreLightThanANumberHolds) {
+  const auto hair = std::make_shared<const HairScattering>(HairParameters{});
+  DualScatteringOptions options;
+  options.nodes = 12;
+  options.adjustments.back_intensity = options.adjustments.forward_intensity = 1e200;
+  const DualScattering bright(hair, hair, options);
+  Shadow shadow;
+  shadow.direct = 0.5;
+  const std::array<double, 3> u{0.9, 0.2, 0.3};
+  // As bright as it is, it is sampled; with 1e200 as much light again it is not.
+  for (const double weight : bright.sample(0.2, shadow, u).weight) EXPECT_TRUE(std::isfinite(weight));
+  EXPECT_TRUE(std::isfinite(bright.pdf({0.2, 0.1, 0}, shadow)));
+  EXPECT_TRUE(std::isfinite(bright.albedo(0.2, shadow).sum()[0]));
+  shadow.transmittance = {1, 1e200, 1};
+  EXPECT_THROW((void)bright.eval({0.2, -0.2, 0.1}, shadow), InputError);
+  EXPECT_THROW((void)bright.pdf({0.2, -0.2, 0.1}, shadow), InputError);
+  EXPECT_THROW((void)bright.sample(0.2, shadow, u), InputError);
+  EXPECT_THROW((void)bright.albedo(0.2, shadow), InputError);
 }
 
 } // namespace
