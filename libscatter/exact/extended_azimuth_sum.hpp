@@ -19,9 +19,9 @@ struct ExtendedAzimuthSums {
   std::vector<std::complex<double>> T1, T2, T3; ///< one per angle
 };
 
-/// theta in radians, |theta| <= 2 pi. Rounded once from an error of about 2^-104 (12 + 2 n) of sqrt(sum |c_n|^2),
-/// n the number of waves. An angle's sums depend on the coefficients and that angle alone, bit for bit.
-/// threads = 0: all cores.
+/// theta in radians, |theta| <= 2 pi. Rounded once from an error of about 2^-104 (12 + 2 n) of sqrt(sum
+/// |c_n|^2), n the number of waves. An angle's sums depend on the coefficients and that angle alone, bit for
+/// bit. threads = 0: all cores.
 [[nodiscard]] ExtendedAzimuthSums
 sum_over_azimuth(std::span<const ExtendedAzimuthWave> waves, std::span<const Extended> theta, int threads);
 
