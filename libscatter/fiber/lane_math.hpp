@@ -163,28 +163,14 @@ struct Lanes {
 #endif
       return {Doubles{} + a};
   }
-  SCATTER_LANE static Lanes load(const double* from) {
-    return {*reinterpret_cast<const Stored*>(from)};
-  }
-  SCATTER_LANE void store(double* to) const {
-    *reinterpret_cast<Stored*>(to) = v;
-  }
+  SCATTER_LANE static Lanes load(const double* from) { return {*reinterpret_cast<const Stored*>(from)}; }
+  SCATTER_LANE void store(double* to) const { *reinterpret_cast<Stored*>(to) = v; }
 
-  SCATTER_LANE friend Lanes operator+(const Lanes& a, const Lanes& b) {
-    return {a.v + b.v};
-  }
-  SCATTER_LANE friend Lanes operator-(const Lanes& a, const Lanes& b) {
-    return {a.v - b.v};
-  }
-  SCATTER_LANE friend Lanes operator*(const Lanes& a, const Lanes& b) {
-    return {a.v * b.v};
-  }
-  SCATTER_LANE friend Lanes operator/(const Lanes& a, const Lanes& b) {
-    return {a.v / b.v};
-  }
-  SCATTER_LANE friend Lanes operator-(const Lanes& a) {
-    return {-a.v};
-  }
+  SCATTER_LANE friend Lanes operator+(const Lanes& a, const Lanes& b) { return {a.v + b.v}; }
+  SCATTER_LANE friend Lanes operator-(const Lanes& a, const Lanes& b) { return {a.v - b.v}; }
+  SCATTER_LANE friend Lanes operator*(const Lanes& a, const Lanes& b) { return {a.v * b.v}; }
+  SCATTER_LANE friend Lanes operator/(const Lanes& a, const Lanes& b) { return {a.v / b.v}; }
+  SCATTER_LANE friend Lanes operator-(const Lanes& a) { return {-a.v}; }
 #if SCATTER_FIBER_X86_LANES
 #define SCATTER_FIBER_ON_X86(condition, result)                                                              \
   if constexpr (condition)                                                                                   \
