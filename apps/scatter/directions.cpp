@@ -53,7 +53,7 @@ DirectionPairs read_directions(const std::string& file, const std::string& verb)
   std::size_t stretched = 0;
   std::string first_stretched;
   for (const Json& entry : json) {
-    const std::string which = fmt::format("entry {} (counted from 0)", pairs.light.size());
+    const std::string which = fmt::format("entry {} (counted from 0)", pairs.view.size());
     if (!entry.is_object()) throw InputError(where + which + " is no object; write " + form);
     for (const auto& [name, value] : entry.items())
       if (name != "light" && name != "view")
@@ -76,7 +76,7 @@ DirectionPairs read_directions(const std::string& file, const std::string& verb)
       const glm::dvec3 scaled = w / largest; // no overflow, no underflow
       const double length = glm::length(scaled);
       if (std::abs(largest * length - 1) > 1e-6 && stretched++ == 0)
-        first_stretched = fmt::format("{} of entry {}", name, pairs.light.size());
+        first_stretched = fmt::format("{} of {}", name, which);
       // Vectors that are of unit length but for rounding stay as they are.
       if (std::abs(glm::dot(w, w) - 1) > 4e-16) w = scaled / length;
       (name[0] == 'l' ? pairs.light : pairs.view).push_back(w);

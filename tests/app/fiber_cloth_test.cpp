@@ -154,6 +154,10 @@ TEST_F(FiberCloth, DirectionsOfAnyLengthAreNormalisedWithOneLine) {
   EXPECT_EQ(stretched.error_lines(), 1);
   EXPECT_THAT(stretched.errors, HasSubstr("2 of 2 directions"));
   EXPECT_THAT(stretched.errors, HasSubstr("light of entry 0"));
+  const Outcome view = cloth(
+      "velvet", R"([{"light": [0, 0, 1], "view": [0.6, 0, 0.8]}, {"light": [0, 0, 1], "view": [3, 0, 4]}])");
+  EXPECT_THAT(view.errors, HasSubstr("1 of 4 directions"));
+  EXPECT_THAT(view.errors, HasSubstr("view of entry 1 (counted from 0)"));
 }
 
 TEST_F(FiberCloth, NeverNotANumber) {
