@@ -63,11 +63,10 @@ sum_avx512(std::span<const ExtendedAzimuthWave> waves, Block& block) {
 
 SumBlock sum_here() {
 #if SCATTER_X86_LANES
-  const std::size_t width = vector_units()[0].width;
-  if (width == 8) return sum_avx512;
-  if (width == 4) return sum_avx2;
-#endif
+  return widest_of(sum_plain, sum_avx2, sum_avx512);
+#else
   return sum_plain;
+#endif
 }
 
 } // namespace

@@ -103,11 +103,10 @@ __attribute__((target("avx512f,avx512dq,avx2,fma"))) void sum_avx512(
 
 SumSets sum_here() {
 #if SCATTER_X86_LANES
-  const std::size_t width = vector_units()[0].width;
-  if (width == 8) return sum_avx512;
-  if (width == 4) return sum_avx2;
-#endif
+  return widest_of(sum_plain, sum_avx2, sum_avx512);
+#else
   return sum_plain;
+#endif
 }
 
 /// t = 1 - cos(theta') of the folded angle.

@@ -145,10 +145,10 @@ void add_shifted_plain(const Shifted& in, double* const* out) {
 }
 AddShifted add_shifted_here() {
 #if defined(__x86_64__) && defined(__GNUC__)
-  if (vector_units()[0].width == 8) return add_shifted_avx512;
-  if (vector_units()[0].width == 4) return add_shifted_avx2;
-#endif
+  return widest_of(add_shifted_plain, add_shifted_avx2, add_shifted_avx512);
+#else
   return add_shifted_plain;
+#endif
 }
 
 /// Legendre coefficients of one parity of n: s[series][n / 2].
