@@ -259,9 +259,8 @@ void add_reciprocity(CaseReport& report, const Settings& settings) {
   std::ranges::sort(of_larger_drop);
   report.blocks.emplace_back(Paragraph{
       "At 1 mm momenta of order 3 fold before the rim, and next to azimuths where rays begin to tunnel out "
-      "nothing undoes it: there windows of directions take over, which leak more. The way back must come "
-      "from "
-      "a sun above the horizon, which leaves out azimuths below 75 deg."});
+      "nothing undoes it. The way back must come from a sun above the horizon, which leaves out azimuths "
+      "below 75 deg."});
   report.checks.push_back(
       {"reciprocity at 1 mm: median difference", 100 * of_larger_drop[of_larger_drop.size() / 2], 1, "%"});
   report.checks.push_back({"reciprocity at 1 mm: largest difference", 100 * of_larger_drop.back(), 3, "%"});

@@ -55,7 +55,7 @@ void ClothProgram::eval(
     compute::OpenCL& cl = device_.opencl();
     const std::array<std::string_view, 1> sources{embedded::kernel_cloth};
     cl::Program& program =
-        cl.program(sources, "-cl-std=CL1.2 -DSTRAND_FIELDS=" + std::to_string(strand_fields));
+        cl.program(sources, "-cl-std=CL1.2 -w -DSTRAND_FIELDS=" + std::to_string(strand_fields));
     const cl::Buffer strands = cl.upload(strands_), tangents = cl.upload(tangents_);
     for (std::size_t begin = 0; begin < light.size(); begin += chunk) {
       const std::size_t count = std::min(chunk, light.size() - begin);

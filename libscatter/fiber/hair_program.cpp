@@ -45,7 +45,7 @@ void HairProgram::eval(
     compute::OpenCL& cl = device_.opencl();
     const std::array<std::string_view, 1> sources{embedded::kernel_hair};
     cl::Program& program =
-        cl.program(sources, fmt::format("-cl-std=CL1.2 -DLARGEST_THETA_D={:.17g}", largest_theta_d));
+        cl.program(sources, fmt::format("-cl-std=CL1.2 -w -DLARGEST_THETA_D={:.17g}", largest_theta_d));
     const cl::Buffer lobes = cl.upload(lobes_), residuals = cl.upload(residuals_);
     for (std::size_t begin = 0; begin < all; begin += chunk) {
       const std::size_t count = std::min(chunk, all - begin);

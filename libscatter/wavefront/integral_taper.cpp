@@ -9,8 +9,6 @@ namespace {
 
 /// A taper begins this far behind the rim's direction [rad].
 constexpr double behind_rim = 0.02;
-/// The taper keeps this far from the poles of theta and phi [rad], where azimuths change fast.
-constexpr double pole_margin = 0.07;
 
 } // namespace
 
@@ -23,7 +21,8 @@ double fresnel_width(int order, double ka) {
   return std::sqrt(std::max(order, 2) / ka);
 }
 
-Taper theta_taper(int order, double ka, double theta, double half, std::span<const RimAngles> rim) {
+Taper theta_taper(
+    int order, double ka, double half, std::span<const RimAngles> rim, std::array<double, 2> room) {
   const double fresnel = fresnel_width(order, ka);
   // Fresnel's width at an angle from the rim's direction: there directions turn fast.
   const auto rim_fresnel = [&](double angle) {
@@ -66,11 +65,9 @@ Taper theta_taper(int order, double ka, double theta, double half, std::span<con
     }
     full = std::min(half + full, 1.2);
     none = std::min(half + none, 1.5);
-    // Short of the poles of the coordinates.
-    const double pole = (end == 0 ? theta : pi - theta) - pole_margin;
-    if (none > pole) {
-      none = pole;
-      full = std::min(full, std::max(pole - 2 * fresnel, half));
+    if (none > room[end]) {
+      none = room[end];
+      full = std::min(full, std::max(room[end] - 2 * fresnel, half));
     }
     taper.full[end] = sign * full;
     taper.none[end] = sign * none;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <scatter/optics/units.hpp>
+
 #include <array>
 #include <span>
 
@@ -9,6 +11,8 @@ namespace scatter::wavefront {
 /// Phase between neighbouring rays, in half-turns, at most: at 2 they would add up like those of another
 /// direction.
 constexpr double phase_step = 1.2;
+/// Change of momentum per angle between rays, at most.
+constexpr double steepest_momentum = 1.5;
 /// The taper begins and ends this many Fresnel widths outside the range.
 constexpr double taper_begin = 4, taper_end = 10;
 /// How far beyond the rim rays are taken, in tau of kernels/grazing.cl.
@@ -36,9 +40,14 @@ struct RimAngles {
   double last, before;
 };
 
+/// Scattering angles [rad] that tapers keep to: short of the poles of theta and phi, where azimuths change
+/// fast.
+constexpr std::array<double, 2> between_poles = {0.07, pi - 0.07};
+
 /// The taper of scattering angles within `half` of theta (radians). It ends well before the rim's direction,
-/// where directions turn fast, or behind it, and short of the poles.
+/// where directions turn fast, or behind it, and within `room`, angles from the
+/// middle downward and upward.
 [[nodiscard]] Taper
-theta_taper(int order, double ka, double theta, double half, std::span<const RimAngles> rim);
+theta_taper(int order, double ka, double half, std::span<const RimAngles> rim, std::array<double, 2> room);
 
 } // namespace scatter::wavefront

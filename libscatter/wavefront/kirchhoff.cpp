@@ -4,7 +4,9 @@
 #include <scatter/wavefront/integral_taper.hpp>
 #include <scatter/wavefront/kirchhoff.hpp>
 #include <scatter/wavefront/outline.hpp>
+#include <scatter/wavefront/rim_bends.hpp>
 #include <scatter/wavefront/side_by_side.hpp>
+#include <scatter/wavefront/vectors.hpp>
 
 #include <embedded/kernel_kirchhoff.hpp>
 #include <embedded/kernel_outline.hpp>
@@ -18,218 +20,22 @@ namespace {
 
 using compute::OpenCL;
 using compute::with_arguments;
-using Vector = std::array<double, 3>;
 
-/// Change of momentum per angle between rays, at most.
-constexpr double steepest_momentum = 1.5;
 constexpr double window_deg = 12;
-/// Theta and phi fail at the poles: the integral's share grows from nothing to all between these angles from
-/// them.
-constexpr double polar_cap_deg = 12, polar_cap_end_deg = 15;
+/// Grids are so much larger than coarse rays ask for, and where the others need more four times that, at
+/// most so much.
+constexpr double least_slack = 0.1, most_slack = 2;
 
-double inner(const Vector& a, const Vector& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Vector cross(const Vector& a, const Vector& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-Vector along(const Vector& a, double t, const Vector& b) {
-  return {a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]};
-}
-double norm(const Vector& a) {
-  return std::sqrt(inner(a, a));
-}
 Vector direction(double theta_deg, double phi_deg) {
   return {sin_deg(theta_deg) * cos_deg(phi_deg), sin_deg(theta_deg) * sin_deg(phi_deg), cos_deg(theta_deg)};
 }
-
-} // namespace
-
-CoarseRays::CoarseRays(RayProgram& rays, const Light& light, int last)
-    : nodes_(static_cast<std::size_t>(last + 1) * (alphas + 1) * azimuths) {
-  const auto outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
-  std::vector<double> u, v;
-  for (int a = 0; a <= alphas; ++a)
-    for (int j = 0; j < azimuths; ++j) {
-      const double alpha = std::min(0.5 * pi * a / alphas, 0.5 * pi - 1e-5), psi = 2 * pi * j / azimuths;
-      // Off the axis, where azimuths lose their meaning.
-      const double b = series_value(outline.radius, std::cos(psi)) * std::max(std::sin(alpha), 1e-6);
-      u.push_back(b * std::cos(psi));
-      v.push_back(b * std::sin(psi));
-    }
-  const RawRays raw = rays.trace_raw(light, u, v, last, true);
-  for (int p = 0; p <= last; ++p)
-    for (std::size_t i = 0; i < u.size(); ++i) {
-      Node& node = nodes_[static_cast<std::size_t>(p) * u.size() + i];
-      const auto vector = [&](int f) {
-        return Vector{raw.field(p, f, i), raw.field(p, f + 1, i), raw.field(p, f + 2, i)};
-      };
-      node.valid = raw.field(p, 0, i) == 1;
-      node.tunnels = raw.field(p, 0, i) == 2;
-      node.direction = vector(1);
-      node.point = vector(14);
-      node.point_slope = {vector(17), vector(20)};
-      node.direction_slope = {vector(23), vector(26)};
-      node.turn = inner(node.direction, cross(node.direction_slope[0], node.direction_slope[1]));
-      node.foci = static_cast<int>(raw.field(p, 30, i));
-    }
-}
-
-namespace {
-
-/// Some of an ascending list, at least `spacing` apart, with its ends; and where every one of the list lies.
-struct Knots {
-  struct Place {
-    std::size_t knot; ///< at or below
-    double part;      ///< of the way to the next
-  };
-  std::vector<double> values;
-  std::vector<Place> place;
-};
-
-Knots knots(std::span<const double> list, double spacing) {
-  Knots made;
-  std::vector<std::size_t> at;
-  for (std::size_t i = 0; i < list.size(); ++i)
-    if (i == 0 || i + 1 == list.size() || list[i] - made.values.back() >= spacing * (1 - 1e-9)) {
-      made.values.push_back(list[i]);
-      at.push_back(i);
-    }
-  for (std::size_t i = 0, knot = 0; i < list.size(); ++i) {
-    while (knot + 1 < at.size() && at[knot + 1] <= i) ++knot;
-    const bool between = i > at[knot];
-    made.place.push_back(
-        {knot, between ? (list[i] - made.values[knot]) / (made.values[knot + 1] - made.values[knot]) : 0.0});
-  }
-  return made;
-}
-
-} // namespace
-
-IntegralShare integral_share(
-    const CoarseRays& coarse, const Light& light, double radius_m, int order, const Layout& layout,
-    Columns columns, const IntegralZone& zone) {
-  const double ka = 2 * pi * radius_m / light.wavelength_m;
-  struct Caustic {
-    Caustic(const Vector& d, double from, double to)
-        : direction(d), inner(from), outer(to), inner_cosine(std::cos(from)), outer_cosine(std::cos(to)),
-          farthest_across(std::sin(std::min(to, 1.5))) {}
-    Vector direction;
-    double inner, outer; ///< reach of the integral around it [rad]
-    double inner_cosine, outer_cosine, farthest_across;
-  };
-  std::vector<Caustic> caustics;
-  const auto foot = [](const CoarseRays::Node& n) {
-    return along(n.point, -inner(n.point, n.direction), n.direction);
-  };
-  // Where the solid angle of a tube of rays changes sign between neighbours.
-  const auto look = [&](int a, int j, int step_a, int step_j) {
-    const auto& before = coarse.node(order, a - step_a, j - step_j);
-    const auto& here = coarse.node(order, a, j);
-    const auto& there = coarse.node(order, a + step_a, j + step_j);
-    if (!before.valid || !here.valid || !there.valid || (here.turn < 0) == (there.turn < 0)) return;
-    const double share = here.turn / (here.turn - there.turn);
-    Vector d = along(here.direction, share, along(there.direction, -1, here.direction));
-    const double length = norm(d);
-    for (double& c : d) c /= length;
-    // Directions bend by kappa X^2 / 2 about the fold, X across the wavefront.
-    Vector bend, X;
-    const Vector X0 = foot(before), X1 = foot(there);
-    for (int c = 0; c < 3; ++c) {
-      bend[c] = before.direction[c] - 2 * here.direction[c] + there.direction[c];
-      X[c] = 0.5 * (X1[c] - X0[c]);
-    }
-    const double kappa = norm(bend) / std::max(inner(X, X), 1e-12);
-    double width = std::cbrt(0.5 * kappa) * std::pow(ka, -2.0 / 3);
-    // A focus along the axis has the width of a Bessel function instead.
-    const double rho = norm(foot(here));
-    if (std::hypot(d[0], d[1]) < 0.1) width = std::max(width, 2.5 / (ka * std::max(rho, 0.05)));
-    width = std::min(width, 0.1);
-    caustics.emplace_back(d, zone.inner * width, zone.outer * width);
-  };
-  for (int a = 1; a < CoarseRays::alphas; ++a)
-    for (int j = 0; j < CoarseRays::azimuths; ++j) {
-      look(a, j, 1, 0);
-      look(a, j, 0, 1);
-    }
-  // Grazing rays, whose patches end abruptly: with the directions around, as far as light leaks.
-  if (order > 0) {
-    const double grazing = std::sqrt(zone.grazing) * std::cbrt(2 / ka), leak = 2 * std::cbrt(2 / ka);
-    for (int a = CoarseRays::alphas; a > 0 && std::cos(0.5 * pi * a / CoarseRays::alphas) < grazing; --a)
-      for (int j = 0; j < CoarseRays::azimuths; ++j) {
-        const auto& here = coarse.node(order, a, j);
-        const auto& next = coarse.node(order, a - 1, j);
-        if (!here.goes_out() || !next.goes_out()) continue;
-        const double gap =
-            std::max(norm(along(here.direction, -1, next.direction)), 2 * pi / CoarseRays::azimuths);
-        const double reach = std::max(gap, a == CoarseRays::alphas ? leak : 0.0);
-        caustics.emplace_back(here.direction, reach, 1.5 * reach);
-      }
-  }
-  // The blend is smooth: some rows and columns are enough, the others lie between them.
-  const Knots rows = knots(layout.theta_deg, 0.05),
-              azimuths = knots(std::span(layout.phi_deg).subspan(columns.first, columns.count()), 0.5);
-  std::vector<double> sin_theta, cos_theta;
-  for (const double theta : rows.values) {
-    sin_theta.push_back(sin_deg(theta));
-    cos_theta.push_back(cos_deg(theta));
-  }
-  std::vector<float> at_knots(rows.values.size() * azimuths.values.size(), 0.0F);
-  bool any = false;
-  for (std::size_t column = 0; column < azimuths.values.size(); ++column) {
-    const double cos_phi = cos_deg(azimuths.values[column]), sin_phi = sin_deg(azimuths.values[column]);
-    float* const share = at_knots.data() + column * rows.values.size();
-    for (const Caustic& caustic : caustics) {
-      // The nearest the column comes.
-      const Vector& d = caustic.direction;
-      if (std::abs(d[0] * sin_phi - d[1] * cos_phi) > caustic.farthest_across) continue;
-      const double theta = std::acos(std::clamp(d[2], -1.0, 1.0)) / radians_per_degree;
-      const double reach = caustic.outer / radians_per_degree;
-      const auto first = std::ranges::upper_bound(rows.values, std::max(theta - reach, polar_cap_deg));
-      const auto end = std::ranges::lower_bound(rows.values, std::min(theta + reach, 180 - polar_cap_deg));
-      const double along_column = d[0] * cos_phi + d[1] * sin_phi;
-      for (auto t = first; t < end; ++t) {
-        const std::size_t row = t - rows.values.begin();
-        const double cosine = along_column * sin_theta[row] + d[2] * cos_theta[row];
-        if (share[row] == 1 || cosine < caustic.outer_cosine) continue;
-        any = true;
-        share[row] =
-            cosine >= caustic.inner_cosine
-                ? 1.0F
-                : std::max(
-                      share[row],
-                      static_cast<float>(smooth_step(std::acos(cosine), caustic.inner, caustic.outer)));
-      }
-    }
-  }
-  if (!any) return {};
-  const std::size_t count = layout.theta_deg.size();
-  IntegralShare share(count * columns.count());
-  for (int column = 0; column < columns.count(); ++column) {
-    const auto [left, right_part] = azimuths.place[column];
-    const float* const before = at_knots.data() + left * rows.values.size();
-    const float* const after = before + (right_part > 0 ? rows.values.size() : 0);
-    for (std::size_t row = 0; row < count; ++row) {
-      const double theta = layout.theta_deg[row];
-      const auto [below, part] = rows.place[row];
-      const std::size_t above = part > 0 ? below + 1 : below;
-      const double off_the_poles =
-          smooth_step(-std::min(theta, 180 - theta), -polar_cap_end_deg, -polar_cap_deg);
-      const double value = (1 - right_part) * ((1 - part) * before[below] + part * before[above]) +
-                           right_part * ((1 - part) * after[below] + part * after[above]);
-      share[column * count + row] = static_cast<float>(off_the_poles * value);
-    }
-  }
-  return share;
-}
-
-namespace {
 
 /// Layout of window_t in kernels/kirchhoff.cl.
 struct Window {
   Vector r0, e1, e2, f0, f1, f2;
   double latitude = 0;
   double shear = 0;
+  std::array<double, 4> bend{}, rim{};
   std::array<Taper, 2> taper{}; ///< along phi, along theta
   std::array<double, 2> centre{}, xi_per_length{}, points_per_xi{};
   double tap_shape = 0;
@@ -238,7 +44,7 @@ struct Window {
   std::array<int, 2> points{}, modes{};
   int alphas = 0, azimuths = 0, heights = 0, rim_cell = CoarseRays::alphas, order = 0, outline_terms = 0;
 };
-static_assert(sizeof(Window) == 360);
+static_assert(sizeof(Window) == 424);
 
 struct Cell {
   int alpha, azimuth, index, unused;
@@ -248,11 +54,33 @@ struct Target {
   double weight;
 };
 
+/// Beyond the rim waves die out within some Airy widths: heights that rays are taken from.
+double reach_beyond(double ka) {
+  return rim_reach * std::cbrt(0.5 / (ka * ka));
+}
+
 /// Everything that is known of a window before its rays are traced.
 struct WindowPlan {
   Window window;
+  std::array<double, 2> half{1e-4, 1e-4};                ///< of its directions [rad]
+  std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9}; ///< of X', as coarse rays have it
   std::vector<Cell> cells;
   std::vector<Target> targets;
+
+  /// Lays the grid, whose extent is that of X' and `slack` times as much.
+  void lay_grid(double ka, double slack) {
+    for (int axis = 0; axis < 2; ++axis) {
+      window.centre[axis] = 0.5 * (low[axis] + high[axis]);
+      const double reach = 0.5 * (high[axis] - low[axis]) * (1 + slack) + 0.2 * slack + 2 * reach_beyond(ka);
+      // Modes lie so close that the extent of X' is 1 / oversampling of their period.
+      const double mode = pi / (oversampling * ka * reach);
+      window.xi_per_length[axis] = ka * mode;
+      window.modes_per_radian[axis] = 1 / mode;
+      window.modes[axis] = static_cast<int>(half[axis] / mode) + taps;
+      window.points[axis] = quick_size(2 * oversampling * window.modes[axis]);
+      window.points_per_xi[axis] = window.points[axis] / (2 * pi);
+    }
+  }
 };
 
 /// A ray in the coordinates of a window: see kernels/kirchhoff.cl.
@@ -261,6 +89,27 @@ struct Momentum {
   double A = 0;     ///< det of the momentum's change by the impact point
   double scale = 0; ///< of its terms, which may cancel
   int negative = 0; ///< eigenvalues
+};
+
+/// Derivatives of W = shear rho0^2 / 2 + bend(rho0) (rho1 - rim(rho0))^2 / 2.
+struct Reference {
+  Reference(const Window& w, const std::array<double, 2>& rho) {
+    const auto [B, B1, B2] = cubic(w.bend, rho[0]);
+    const auto [rim, rim1, rim2] = cubic(w.rim, rho[0]);
+    const double off = rho[1] - rim;
+    slope = {w.shear * rho[0] + off * (0.5 * off * B1 - B * rim1), B * off};
+    curvature = {
+        w.shear + off * (0.5 * off * B2 - 2 * B1 * rim1 - B * rim2) + B * rim1 * rim1, B1 * off - B * rim1,
+        B};
+  }
+  /// Value and two derivatives.
+  static std::array<double, 3> cubic(const std::array<double, 4>& c, double x) {
+    return {
+        c[0] + x * (c[1] + x * (c[2] + x * c[3])), c[1] + x * (2 * c[2] + x * 3 * c[3]),
+        2 * c[2] + x * 6 * c[3]};
+  }
+  std::array<double, 2> slope;
+  std::array<double, 3> curvature; ///< 00, 01, 11
 };
 
 Momentum momentum(const Window& w, const CoarseRays::Node& n) {
@@ -277,15 +126,17 @@ Momentum momentum(const Window& w, const CoarseRays::Node& n) {
   }
   Momentum m;
   m.rho = {std::atan2(east, towards), std::asin(std::clamp(sin_2, -1.0, 1.0)) - w.latitude};
-  m.X = {inner(n.point, t1) - w.shear * m.rho[0], inner(n.point, t2)};
+  const Reference W(w, m.rho);
+  m.X = {inner(n.point, t1) - W.slope[0], inner(n.point, t2) - W.slope[1]};
   std::array<std::array<double, 2>, 2> rho_slope{}, X_slope{};
   const double on_d = inner(n.point, d), on_middle = inner(n.point, middle), on_side = inner(n.point, side);
   for (int q = 0; q < 2; ++q) {
     rho_slope[q] = {inner(n.direction_slope[q], t1) / (cos_2 * cos_2), inner(n.direction_slope[q], t2)};
     X_slope[q] = {
-        inner(n.point_slope[q], t1) - (cos_2 * on_middle + w.shear) * rho_slope[q][0] -
-            sin_2 * on_side * rho_slope[q][1],
-        inner(n.point_slope[q], t2) - sin_2 * on_side * rho_slope[q][0] - on_d * rho_slope[q][1]};
+        inner(n.point_slope[q], t1) - (cos_2 * on_middle + W.curvature[0]) * rho_slope[q][0] -
+            (sin_2 * on_side + W.curvature[1]) * rho_slope[q][1],
+        inner(n.point_slope[q], t2) - (sin_2 * on_side + W.curvature[1]) * rho_slope[q][0] -
+            (on_d + W.curvature[2]) * rho_slope[q][1]};
   }
   m.A = X_slope[0][0] * X_slope[1][1] - X_slope[1][0] * X_slope[0][1];
   m.scale = std::hypot(X_slope[0][0], X_slope[1][0]) * std::hypot(X_slope[0][1], X_slope[1][1]);
@@ -297,9 +148,45 @@ Momentum momentum(const Window& w, const CoarseRays::Node& n) {
   return m;
 }
 
+/// Values at places x in [-1, 1] by the powers of x up to the third, by weighted least squares.
+struct CubicFit {
+  void add(double x, double weight, double bend, double rim) {
+    double power = weight;
+    for (int n = 0; n < 7; ++n, power *= x) {
+      moments[n] += power;
+      if (n < 4) {
+        values[0][n] += power * bend;
+        values[1][n] += power * rim;
+      }
+    }
+    ++count;
+  }
+  [[nodiscard]] std::array<std::array<double, 4>, 2> solve() const {
+    double m[4][6];
+    for (int i = 0; i < 4; ++i) {
+      for (int j = 0; j < 4; ++j) m[i][j] = moments[i + j];
+      m[i][i] += 1e-9 * moments[0];
+      for (int v = 0; v < 2; ++v) m[i][4 + v] = values[v][i];
+    }
+    for (int i = 0; i < 4; ++i)
+      for (int r = 0; r < 4; ++r) {
+        if (r == i) continue;
+        const double factor = m[r][i] / m[i][i];
+        for (int j = i; j < 6; ++j) m[r][j] -= factor * m[i][j];
+      }
+    std::array<std::array<double, 4>, 2> c{};
+    for (int i = 0; i < 4; ++i)
+      for (int v = 0; v < 2; ++v) c[v][i] = m[i][4 + v] / m[i][i];
+    return c;
+  }
+  double moments[7] = {}, values[2][4] = {};
+  int count = 0;
+};
+
 WindowPlan plan_window(
-    const CoarseRays& coarse, int order, double ka, std::vector<Target> targets, const Layout& layout,
-    Columns columns, const Vector& centre, int outline_terms) {
+    const CoarseRays& coarse, std::span<const RimBend> bends, int order, double ka,
+    std::vector<Target> targets, const Layout& layout, Columns columns, const Vector& centre,
+    int outline_terms) {
   WindowPlan made;
   made.targets = std::move(targets);
   Window& w = made.window;
@@ -314,7 +201,7 @@ WindowPlan plan_window(
   w.f1 = {s, -c, 0};
   w.f2 = {0, 0, -1};
   w.latitude = -std::asin(centre[2]);
-  std::array<double, 2> half{1e-4, 1e-4};
+  std::array<double, 2>& half = made.half;
   for (const Target& target : made.targets) {
     const Vector r = direction(layout.theta_deg[target.row], layout.phi_deg[columns.first + target.column]);
     half[0] = std::max(half[0], std::abs(std::atan2(inner(r, w.f1), inner(r, w.f0))));
@@ -330,10 +217,26 @@ WindowPlan plan_window(
     if (std::abs(at_rim.rho[0]) <= half[0] + taper_end * fresnel)
       rim.push_back({at_rim.rho[1], momentum(w, before).rho[1]});
   }
-  w.taper[0] = {
-      {-std::min(half[0] + taper_begin * fresnel, 1.2), std::min(half[0] + taper_begin * fresnel, 1.2)},
-      {-std::min(half[0] + taper_end * fresnel, 1.5), std::min(half[0] + taper_end * fresnel, 1.5)}};
-  w.taper[1] = theta_taper(order, ka, w.latitude + 0.5 * pi, half[1], rim);
+  const double full = std::min(half[0] + taper_begin * fresnel, 1.2),
+               none = std::min(half[0] + taper_end * fresnel, 1.5);
+  w.taper[0] = {{-full, full}, {-none, none}};
+  const double theta = w.latitude + 0.5 * pi;
+  w.taper[1] = theta_taper(order, ka, half[1], rim, {theta - between_poles[0], between_poles[1] - theta});
+  CubicFit fit;
+  for (const RimBend& at : bends) {
+    const double apart = std::atan2(centre[1], centre[0]) - at.azimuth;
+    const double longitude = apart - 2 * pi * std::rint(apart / (2 * pi)), end = w.taper[0].none[1];
+    if (std::abs(longitude) < end)
+      fit.add(longitude / end, w.taper[0](longitude) + 0.01, at.bend, at.theta - theta);
+  }
+  if (fit.count > 3) {
+    const auto [bend, rim_at] = fit.solve();
+    for (int n = 0; n < 4; ++n) {
+      const double unit = std::pow(w.taper[0].none[1], n);
+      w.bend[n] = bend[n] / unit;
+      w.rim[n] = rim_at[n] / unit;
+    }
+  }
   // Cells of rays that may leave within the taper, and those at the rim with their continuation beyond it.
   std::vector<const CoarseRays::Node*> corners;
   for (int a = 0; a < CoarseRays::alphas; ++a)
@@ -376,18 +279,23 @@ WindowPlan plan_window(
   // Shear across the plane of scattering, where A would vanish without: on a sphere the momentum about the
   // light is 0. Plane waves have -sin(theta) cos(theta) X_theta of it in these coordinates, which
   // makes the sum good to the next order of 1 / (k a); its sign is what counts.
-  const auto clearance = [&](double shear) {
+  const auto folds = [&](double shear) {
     w.shear = shear;
-    double least = 1;
-    for (const auto* n : corners) {
-      const Momentum m = momentum(w, *n);
-      bool inside = true;
-      for (int axis = 0; axis < 2; ++axis)
-        inside = inside && m.rho[axis] > 0.5 * (w.taper[axis].full[0] + w.taper[axis].none[0]) &&
-                 m.rho[axis] < 0.5 * (w.taper[axis].full[1] + w.taper[axis].none[1]);
-      if (inside) least = std::min(least, std::abs(m.A) / m.scale);
+    int found = 0;
+    for (const Cell& cell : made.cells) {
+      if (cell.alpha == CoarseRays::alphas) continue;
+      int signs = 0, inside = 0;
+      for (int corner = 0; corner < 4; ++corner) {
+        const CoarseRays::Node& n = coarse.node(order, cell.alpha + corner / 2, cell.azimuth + corner % 2);
+        if (!n.goes_out()) continue;
+        const Momentum m = momentum(w, n);
+        if (w.taper[0](m.rho[0]) * w.taper[1](m.rho[1]) < 0.05) continue;
+        signs += m.A < 0 ? -1 : 1;
+        ++inside;
+      }
+      if (inside > 0 && std::abs(signs) < inside) ++found;
     }
-    return least;
+    return found;
   };
   double turning = 0;
   for (const auto* n : corners) {
@@ -395,20 +303,19 @@ WindowPlan plan_window(
     if (std::abs(m.rho[0]) < half[0] + fresnel && std::abs(m.rho[1]) < half[1] + fresnel) turning += m.X[1];
   }
   const double sign = turning * centre[2] < 0 ? 1 : -1;
-  double shear = 0.5 * sign, best = clearance(shear);
-  if (best < 0.1)
-    for (const double candidate : {-0.5, 0.4, -0.4, 0.8, -0.8})
-      if (const double here = clearance(candidate * sign); here > 1.5 * best) {
-        best = here;
-        shear = candidate * sign;
-      }
+  double shear = 0.5 * sign;
+  int fewest = folds(shear);
+  for (const double candidate : {-0.5, 0.4, -0.4, 0.8, -0.8})
+    if (const int here = fewest > 0 ? folds(candidate * sign) : fewest; here < fewest) {
+      fewest = here;
+      shear = candidate * sign;
+    }
   w.shear = shear;
-  std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
   for (const auto* n : corners) {
     const Momentum m = momentum(w, *n);
     for (int axis = 0; axis < 2; ++axis) {
-      low[axis] = std::min(low[axis], m.X[axis]);
-      high[axis] = std::max(high[axis], m.X[axis]);
+      made.low[axis] = std::min(made.low[axis], m.X[axis]);
+      made.high[axis] = std::max(made.high[axis], m.X[axis]);
     }
   }
   // Phase between neighbouring rays: k (rho - r) . dX.
@@ -422,8 +329,9 @@ WindowPlan plan_window(
       const Momentum from = momentum(w, a), to = momentum(w, b);
       return std::abs(to.X[0] - from.X[0]) * spread[0] + std::abs(to.X[1] - from.X[1]) * spread[1];
     };
-    // Rays that tunnel in or out keep the index of the last one that did not.
-    for (int a = std::min(cell.alpha + 1, CoarseRays::alphas); a > 0; --a)
+    // Rays that tunnel in or out keep the index of the last one that did not; at the rim itself momenta stand
+    // still.
+    for (int a = std::min(cell.alpha + 1, CoarseRays::alphas - 1); a > 0; --a)
       if (const CoarseRays::Node& node = coarse.node(order, a, cell.azimuth); node.valid) {
         cell.index = node.foci - momentum(w, node).negative;
         break;
@@ -446,23 +354,12 @@ WindowPlan plan_window(
   w.azimuths = rays_for(step_psi, 2 * pi / CoarseRays::azimuths);
   w.alpha_step = 0.5 * pi / CoarseRays::alphas / w.alphas;
   w.psi_step = 2 * pi / CoarseRays::azimuths / w.azimuths;
-  // Beyond the rim waves die out within some Airy widths.
-  const double reach_beyond = rim_reach * std::cbrt(0.5 / (ka * ka));
   w.heights = std::max(
-      24, static_cast<int>(std::ceil(ka * reach_beyond * (spread[0] + spread[1]) / (pi * 0.5 * phase_step))));
-  w.height_step = reach_beyond / w.heights;
+      24,
+      static_cast<int>(std::ceil(ka * reach_beyond(ka) * (spread[0] + spread[1]) / (pi * 0.5 * phase_step))));
+  w.height_step = reach_beyond(ka) / w.heights;
   w.tap_shape = tap_shape;
-  for (int axis = 0; axis < 2; ++axis) {
-    w.centre[axis] = 0.5 * (low[axis] + high[axis]);
-    const double reach = 0.5 * (high[axis] - low[axis]) * 1.1 + 0.02 + 2 * reach_beyond;
-    // Modes lie so close that the extent of X' is 1 / oversampling of their period.
-    const double mode = pi / (oversampling * ka * reach);
-    w.xi_per_length[axis] = ka * mode;
-    w.modes_per_radian[axis] = 1 / mode;
-    w.modes[axis] = static_cast<int>(half[axis] / mode) + taps;
-    w.points[axis] = quick_size(2 * oversampling * w.modes[axis]);
-    w.points_per_xi[axis] = w.points[axis] / (2 * pi);
-  }
+  made.lay_grid(ka, least_slack);
   return made;
 }
 
@@ -485,6 +382,7 @@ std::vector<WindowPlan> plan_windows(
   std::vector<std::vector<Target>> windows;
   for (auto& [cell, targets] : groups) windows.push_back(std::move(targets));
   std::vector<WindowPlan> plans(windows.size());
+  const std::vector<RimBend> bends = rim_bends(coarse, order, ka);
   side_by_side(workers, windows.size(), [&](std::size_t, std::size_t i) {
     std::array<double, 2> low{1e9, 1e9}, high{-1e9, -1e9};
     for (const Target& t : windows[i]) {
@@ -495,7 +393,8 @@ std::vector<WindowPlan> plan_windows(
       }
     }
     const Vector centre = direction(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]));
-    plans[i] = plan_window(coarse, order, ka, std::move(windows[i]), layout, columns, centre, outline_terms);
+    plans[i] =
+        plan_window(coarse, bends, order, ka, std::move(windows[i]), layout, columns, centre, outline_terms);
   });
   std::erase_if(plans, [](const WindowPlan& plan) { return plan.cells.empty(); });
   std::ranges::stable_sort(plans, std::ranges::greater{}, [](const WindowPlan& plan) {
@@ -515,7 +414,7 @@ void add_integral(
   const Job job = rays.make_job(light, 2, order);
   const double ka = pi * job.wave;
   const std::size_t workers = rays.device.info().compute_units;
-  const auto plans = plan_windows(
+  auto plans = plan_windows(
       coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()), workers);
   if (plans.empty()) return;
   const std::string_view sources[] = {embedded::kernel_outline, embedded::kernel_kirchhoff};
@@ -525,6 +424,7 @@ void add_integral(
   const int rows = static_cast<int>(layout.theta_deg.size());
   const double scale = 0.5 * job.wave * inverse_transform_scale() * inverse_transform_scale();
 
+  // How many rays fell outside the window or are no numbers; nothing is added if any.
   const auto work = [&](std::size_t lane, const WindowPlan& plan, bool only_compile) {
     const Window& w = plan.window;
     cl::CommandQueue& queue = opencl.lane(lane);
@@ -546,6 +446,8 @@ void add_integral(
             cl::Kernel(program, "spread_rays"), rays.surface_buffer, job_data, window_data, outline_data,
             taps_data, cell_data, cells, grid_data, lost_data),
         cl::NullRange, cl::NDRange(1), cl::NDRange(1));
+    queue.enqueueReadBuffer(lost_data, CL_TRUE, 0, sizeof(int), lost.data());
+    if (lost[0] > 0) return lost[0];
     if (!only_compile) {
       auto* mapped = static_cast<double*>(
           queue.enqueueMapBuffer(grid_data, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size * sizeof(double)));
@@ -558,16 +460,23 @@ void add_integral(
             corrections_y, taps_data, target_data, 0, targets, directions.sin_theta, directions.cos_theta,
             directions.cos_phi, directions.sin_phi, rows, scale, sums),
         cl::NullRange, cl::NDRange(1), cl::NDRange(1));
-    queue.enqueueReadBuffer(lost_data, CL_TRUE, 0, sizeof(int), lost.data());
     queue.finish();
-    if (lost[0] != 0)
-      throw RunError(
-          "diffraction integral: " + std::to_string(lost[0]) + " rays of order " + std::to_string(order) +
-          " fell outside their window or are not numbers");
+    return 0;
   };
   // Kernels are compiled at their first launch, which must not happen on several queues at once.
   work(0, plans.front(), true);
-  side_by_side(workers, plans.size(), [&](std::size_t lane, std::size_t i) { work(lane, plans[i], false); });
+  side_by_side(workers, plans.size(), [&](std::size_t lane, std::size_t i) {
+    double slack = least_slack;
+    while (const int lost = work(lane, plans[i], false)) {
+      slack *= 4;
+      if (slack > most_slack)
+        throw RunError(
+            "diffraction integral: " + std::to_string(lost) + " rays of order " + std::to_string(order) +
+            " fell outside their window or are not numbers; a larger or rounder drop, or --diffraction none, "
+            "is without them");
+      plans[i].lay_grid(ka, slack);
+    }
+  });
 }
 
 } // namespace scatter::wavefront

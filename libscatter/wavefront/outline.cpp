@@ -1,20 +1,12 @@
 #include <scatter/optics/units.hpp>
 #include <scatter/wavefront/outline.hpp>
+#include <scatter/wavefront/vectors.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 namespace scatter::wavefront {
-namespace {
-
-using Vector = std::array<double, 3>;
-
-double inner(const Vector& a, const Vector& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-} // namespace
 
 Outline outline_series(const drop::Shape& shape, double sun_elevation_deg) {
   if (shape.is_sphere()) return {{1.0}, {0.0}};

@@ -46,7 +46,8 @@ cl::Program& RayProgram::build(
     const Light& light, std::span<const std::string_view> further, bool curvature,
     const std::string& further_options) {
   using namespace embedded;
-  std::string options = "-cl-std=CL1.2 -DTILE=" + std::to_string(tile_cells);
+  // Without the compiler's warnings, of which PoCL prints the number on standard error.
+  std::string options = "-cl-std=CL1.2 -w -DTILE=" + std::to_string(tile_cells);
   if (tracing.shape.kind == drop::Shape::Kind::spheroid)
     options += " -DSURFACE_SPHEROID";
   else

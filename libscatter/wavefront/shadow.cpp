@@ -2,6 +2,7 @@
 #include <scatter/optics/units.hpp>
 #include <scatter/wavefront/far_field.hpp>
 #include <scatter/wavefront/shadow.hpp>
+#include <scatter/wavefront/vectors.hpp>
 
 #include <algorithm>
 #include <atomic>
@@ -13,7 +14,6 @@ namespace scatter::wavefront {
 namespace {
 
 using Complex = std::complex<double>;
-using Vector = std::array<double, 3>;
 constexpr Complex i{0, 1};
 
 constexpr int rim_points = 512, surface_steps = 4096, sizes_at_most = 6, reflection_steps = 1200;

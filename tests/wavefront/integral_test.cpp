@@ -134,8 +134,7 @@ TEST(DiffractionIntegral, DoesNotDependOnItsWindows) {
 
 TEST(DiffractionIntegral, IsTheSameAlongLinesOfAzimuthAndOverWindows) {
   // Two charts of the same wavefront: at each azimuth an integral over theta's momentum alone, and one over
-  // both momenta in windows of directions. They have nothing in common but rays and coefficients. On flatter
-  // drops the momenta of windows have a fold next to the rim, which costs them 1 % and more.
+  // both momenta in windows of directions. They have nothing in common but rays and coefficients.
   Tracing tracing;
   tracing.shape = drop::spheroid(0.3e-3, 1 - 1e-8);
   tracing.sun_elevation_deg = 30;
@@ -158,6 +157,39 @@ TEST(DiffractionIntegral, IsTheSameAlongLinesOfAzimuthAndOverWindows) {
     std::printf("order %d: lines and windows differ by %.3f %% of the peak\n", order, 100 * worst / peak);
     EXPECT_GT(worst, 0);
     EXPECT_LT(worst, 0.002 * peak);
+  }
+}
+
+TEST(DiffractionIntegral, IsNearlyTheSameAlongLinesAndOverWindowsOnARaindrop) {
+  // The rim of a drop is unfolded by a number per azimuth there, by polynomials of the azimuth here.
+  struct Case {
+    int order;
+    double theta_deg, phi_deg, bound;
+  };
+  for (const Case& at :
+       {Case{2, 139, 60, 0.005}, Case{3, 124, 120, 0.005}, Case{3, 126, 150, 0.005}, Case{3, 126, 20, 0.015},
+        Case{4, 40, 60, 0.01}, Case{5, 52, 60, 0.005}}) {
+    Tracing tracing;
+    tracing.shape = drop::beard_chuang(0.5e-3);
+    tracing.sun_elevation_deg = 20;
+    tracing.rays = 600;
+    tracing.orders = {at.order};
+    Tracer tracer(tracing, device());
+    Wanted wanted = integral_at(range(at.theta_deg - 2, at.theta_deg + 2, 0.1));
+    wanted.phi_deg = {at.phi_deg};
+    const std::vector<Amplitude> lines = far_field(tracer, red, wanted).amplitude;
+    wanted.integral_by_windows = true;
+    const std::vector<Amplitude> windows = far_field(tracer, red, wanted).amplitude;
+    double peak = 0, worst = 0;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      peak = std::max({peak, std::abs(lines[i].S1), std::abs(lines[i].S2)});
+      worst = std::max(worst, difference(lines[i], windows[i]));
+    }
+    std::printf(
+        "order %d, %g deg, azimuth %g deg: lines and windows differ by %.2f %% of the peak\n", at.order,
+        at.theta_deg, at.phi_deg, 100 * worst / peak);
+    EXPECT_GT(worst, 0);
+    EXPECT_LT(worst, at.bound * peak);
   }
 }
 
@@ -240,17 +272,38 @@ TEST(DiffractionIntegral, OfAMillimetreDropIsReciprocalToSomePerCent) {
   EXPECT_LT(broken_reciprocity(1e-3, 2, 142, 60), 0.01);
   EXPECT_LT(broken_reciprocity(1e-3, 3, 128, 100), 0.01);
   EXPECT_LT(broken_reciprocity(1e-3, 3, 126, 120), 0.01);
-  // Rays next to the rim and the rest have a reference each on the way back.
-  EXPECT_LT(broken_reciprocity(1e-3, 3, 125, 20), 0.06);
-  // And next to 40 deg nothing undoes the fold: windows.
-  EXPECT_LT(broken_reciprocity(1e-3, 3, 122, 40), 0.12);
+  // Windows on the way back.
+  EXPECT_LT(broken_reciprocity(1e-3, 3, 125, 20), 0.03);
+  // Next to 40 deg rays begin to tunnel out.
+  EXPECT_LT(broken_reciprocity(1e-3, 3, 122, 40), 0.09);
 }
 
-TEST(DiffractionIntegral, ByWindowsIsReciprocalToSomePerCent) {
-  // Their momenta fold at the rim.
-  EXPECT_LT(broken_reciprocity(0.5e-3, 2, 139, 60, true), 0.02);
-  EXPECT_LT(broken_reciprocity(0.5e-3, 3, 124, 120, true), 0.08);
-  EXPECT_LT(broken_reciprocity(0.5e-3, 3, 126, 20, true), 0.03);
+TEST(DiffractionIntegral, ByWindowsIsReciprocal) {
+  EXPECT_LT(broken_reciprocity(0.5e-3, 2, 139, 60, true), 0.005);
+  EXPECT_LT(broken_reciprocity(0.5e-3, 3, 124, 120, true), 0.01);
+  EXPECT_LT(broken_reciprocity(0.5e-3, 3, 126, 20, true), 0.015);
+  EXPECT_LT(broken_reciprocity(0.5e-3, 5, 52, 60, true), 0.02);
+}
+
+TEST(DiffractionIntegral, OfHighOrdersIsReciprocalToSomePerCent) {
+  EXPECT_LT(broken_reciprocity(0.5e-3, 4, 40, 60), 0.03);
+  EXPECT_LT(broken_reciprocity(0.5e-3, 5, 52, 150), 0.08);
+  EXPECT_LT(broken_reciprocity(0.5e-3, 6, 128, 60), 0.03);
+  // By windows: at the axis azimuths turn back.
+  EXPECT_LT(broken_reciprocity(0.5e-3, 6, 128, 160), 0.08);
+}
+
+TEST(DiffractionIntegral, OfSmallFlatDropsHasRoomForAllRays) {
+  // Tapers as wide as the sky take rays that coarse ones do not foresee.
+  Tracing tracing;
+  tracing.shape = drop::spheroid(5e-6, 0.9);
+  tracing.sun_elevation_deg = 20;
+  tracing.rays = 300;
+  tracing.orders = {3};
+  Wanted wanted = integral_at(range(120, 150, 5));
+  wanted.phi_deg = {0, 60};
+  for (const Amplitude& a : far_field(tracing, red, wanted).amplitude)
+    EXPECT_TRUE(std::isfinite(std::abs(a.S1) + std::abs(a.S2) + std::abs(a.S3) + std::abs(a.S4)));
 }
 
 TEST(DiffractionIntegral, DarkSideOfARaindropsBowIsDark) {

@@ -3,8 +3,8 @@
 //
 // Around the centre r0 of a window directions have coordinates rho, a longitude and a latitude. A ray that leaves in
 // direction d = r(rho_d), with optical path L between planes through the origin, has the momentum X = dr/drho . p there,
-// p any point on it: the far field's phase falls by k X per rho. With W(rho) = D longitude^2 / 2, X' = X - dW/drho at
-// rho_d and A = det dX' / d(u, v),
+// p any point on it: the far field's phase falls by k X per rho. With W(rho) = D longitude^2 / 2 + B(longitude) (latitude
+// less the rim's)^2 / 2, X' = X - dW/drho at rho_d and A = det dX' / d(u, v),
 //   S(r) = -k^2 / (2 pi) exp(-i k W(rho)) sum w sqrt|A| E exp(i k (L + W(rho_d) - X' . (rho - rho_d))) i^-mu du dv,
 // E the energy-normalised Jones matrix over the fourth root of the metric at r, mu the focal lines to infinity less the
 // negative eigenvalues of dX'/d(u, v)^T drho/d(u, v). Stationary phase gives back geometric optics wherever it holds, with
@@ -36,6 +36,7 @@ typedef struct {
   double f0[3], f1[3], f2[3];    // rho is longitude (from f0 to f1) and latitude (towards f2) ..
   double latitude;               // .. less the centre's
   double shear;                  // D, of the longitude
+  double bend[4], rim[4];        // B and the rim's latitude, by powers of the longitude
   taper_t taper[2];              // of longitude and latitude
   double centre[2];              // of X'
   double xi_per_length[2];       // grid phase per X'
@@ -71,6 +72,11 @@ FORCE_INLINE vector3 constant3(constant const double* a) {
   const vector3 c = {(real)(a[0]), (real)(a[1]), (real)(a[2])};
   return c;
 }
+
+// Coefficients by powers, and the first two derivatives.
+#define CUBIC(name, c, x)                                    \
+  const real name = c[0] + x * (c[1] + x * (c[2] + x * c[3])); \
+  const real name##_1 = c[1] + x * (2.0 * c[2] + x * (3.0 * c[3])), name##_11 = 2.0 * c[2] + x * (6.0 * c[3]);
 
 // The grid must be zero; [y][x][8], parts as in store_jones(). outline: cosine series of the radius and of z over the
 // azimuth. lost counts rays that fell outside the grid or are not numbers: none should.
@@ -130,13 +136,20 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const vector3 middle_1 = along3(scale3(cos_1, f0), sin_1, quarter);
       const vector3 side = along3(scale3(-sin_1, f0), cos_1, quarter);
       const vector3 t1 = scale3(cos_2, side), t2 = along3(scale3(cos_2, pole), -sin_2, middle_1);
-      const double D = window->shear;
-      const real X1 = dot3(out.p, t1) - D * rho_1, X2 = dot3(out.p, t2);
+      CUBIC(B, window->bend, rho_1)
+      CUBIC(rim, window->rim, rho_1)
+      const real off = rho_2 - rim, W = 0.5 * (window->shear * rho_1 * rho_1 + B * off * off);
+      const real W_1 = window->shear * rho_1 + off * (0.5 * off * B_1 - B * rim_1), W_2 = B * off;
+      const real W_11 =
+          window->shear + off * (0.5 * off * B_11 - 2.0 * B_1 * rim_1 - B * rim_11) + B * rim_1 * rim_1;
+      const real W_12 = B_1 * off - B * rim_1, W_22 = B;
+      const real X1 = dot3(out.p, t1) - W_1, X2 = dot3(out.p, t2) - W_2;
       const real along_d = dot3(out.p, d), along_middle = dot3(out.p, middle_1), along_side = dot3(out.p, side);
 #define MOMENTUM_CHANGE(q, p_q, d_q)                                                                          \
   const real rho_1##q = dot3(d_q, t1) * inverse_2 * inverse_2, rho_2##q = dot3(d_q, t2);                      \
-  const real X1##q = dot3(p_q, t1) - (cos_2 * along_middle + D) * rho_1##q - sin_2 * along_side * rho_2##q;  \
-  const real X2##q = dot3(p_q, t2) - sin_2 * along_side * rho_1##q - along_d * rho_2##q;
+  const real X1##q =                                                                                          \
+      dot3(p_q, t1) - (cos_2 * along_middle + W_11) * rho_1##q - (sin_2 * along_side + W_12) * rho_2##q;      \
+  const real X2##q = dot3(p_q, t2) - (sin_2 * along_side + W_12) * rho_1##q - (along_d + W_22) * rho_2##q;
       MOMENTUM_CHANGE(_u, out.spread.p_u, out.spread.d_u)
       MOMENTUM_CHANGE(_v, out.spread.p_v, out.spread.d_v)
 #undef MOMENTUM_CHANGE
@@ -152,7 +165,7 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const real xi_x = x * window->xi_per_length[0], xi_y = y * window->xi_per_length[1];
       weight *= inverse_transform(xi_x, window->tap_shape) * inverse_transform(xi_y, window->tap_shape);
       weight = select(weight, (real)(0.0), useless);
-      const real length = out.path + 0.5 * D * rho_1 * rho_1 + X1 * rho_1 + X2 * rho_2;
+      const real length = out.path + W + X1 * rho_1 + X2 * rho_2;
       const real half_turns = job->wave * length - 0.5 * index;
       const real turns = half_turns - 2.0 * rint(0.5 * half_turns);
       const real phase_c = weight * cospi(turns), phase_s = weight * sinpi(turns);
@@ -267,7 +280,10 @@ kernel void gather_directions(constant job_t* job, constant window_t* window, gl
       }
     }
     // exp(-i k (centre . rho + W)), then the axes of the direction's hemisphere.
-    double half_turns = job->wave * 0.5 * window->shear * rho[0] * rho[0];
+    const double B = window->bend[0] + rho[0] * (window->bend[1] + rho[0] * (window->bend[2] + rho[0] * window->bend[3]));
+    const double off =
+        rho[1] - (window->rim[0] + rho[0] * (window->rim[1] + rho[0] * (window->rim[2] + rho[0] * window->rim[3])));
+    double half_turns = job->wave * 0.5 * (window->shear * rho[0] * rho[0] + B * off * off);
     for (int axis = 0; axis < 2; ++axis)
       half_turns += job->wave * rho[axis] * window->centre[axis];
     const double turns = half_turns - 2.0 * rint(0.5 * half_turns), c = cospi(turns), s = sinpi(turns);
