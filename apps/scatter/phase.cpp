@@ -70,7 +70,15 @@ void compute(const PhaseJob& job) {
     if (!plan.reasons.empty()) fmt::print(explanation, "{}\n", plan.reasons);
     fmt::print(explanation, "{}\n", plan.description);
     const phase::Prediction expected = phase::predict(plan);
-    fmt::print(explanation, "predicted: error {:.2g} %, {:.2g} s\n", 100 * expected.error, expected.seconds);
+    std::string beside;
+    if (plan.method == phase::Method::patches)
+      beside = fmt::format(
+          "; the error estimate took {:.2g} s, kernels that were never compiled here take some 10 to 30 s "
+          "more",
+          expected.judging_seconds);
+    fmt::print(
+        explanation, "predicted: error {:.2g} %, {:.2g} s{}\n", 100 * expected.error, expected.seconds,
+        beside);
     if (!job.output_given) return;
     (void)std::fflush(explanation);
   }

@@ -124,7 +124,9 @@ void PhaseOptions::add_to(CLI::App& verb) {
 
   group = "Method";
   add("--method", method_, "NAME",
-      "patches, mie or auto: Mie for a sphere, patches otherwise" + standard(method_));
+      "patches, mie or auto: Mie for a sphere, patches otherwise, and wherever --rays, --orders, "
+      "--diffraction or --focal-lines is given" +
+          standard(method_));
   rays_option_ =
       add("--rays", rays_, "N", "Rays across the drop: a grid of N x N is traced" + standard(rays_));
   orders_option_ =
@@ -132,9 +134,10 @@ void PhaseOptions::add_to(CLI::App& verb) {
           "Orders p: 0 external reflection, 1 transmission, p - 1 internal reflections" + standard(orders_));
   diffraction_option_ =
       add("--diffraction", diffraction_, "NAME", "gaussian, integral or none" + standard(diffraction_));
-  add("--focal-lines", focal_lines_, "NAME",
-      "exact, rule (as on a sphere) or none: how phase jumps at focal lines are counted" +
-          standard(focal_lines_));
+  focal_lines_option_ =
+      add("--focal-lines", focal_lines_, "NAME",
+          "exact, rule (as on a sphere) or none: how phase jumps at focal lines are counted" +
+              standard(focal_lines_));
   add_flag("--no-interference", no_interference_, "Add intensities of patches, not amplitudes");
   add_flag("--no-dispersion", no_dispersion_, "Use the index at 589.3nm for every wavelength");
   add_flag("--no-absorption", no_absorption_, "Drop the imaginary part of the index");
@@ -221,8 +224,9 @@ PhaseJob PhaseOptions::job() const {
   request.amplitudes = amplitudes_;
   request.per_order = per_order_;
   if (tolerance_) request.tolerance = read("--tolerance", share, *tolerance_);
+  const auto open = [](const CLI::Option* option) { return option->count() == 0; };
   request.open = {
-      diffraction_option_->count() == 0, rays_option_->count() == 0, orders_option_->count() == 0};
+      open(diffraction_option_), open(rays_option_), open(orders_option_), open(focal_lines_option_)};
   request.threads = read("--threads", whole_number, threads_);
   return job;
 }

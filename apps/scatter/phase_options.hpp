@@ -37,7 +37,7 @@ private:
               output_ = "-";
   std::optional<std::string> radius_, axis_ratio_, wavelengths_, phi_, sun_disc_, tolerance_;
   CLI::Option *output_option_ = nullptr, *diffraction_option_ = nullptr, *rays_option_ = nullptr,
-              *orders_option_ = nullptr;
+              *orders_option_ = nullptr, *focal_lines_option_ = nullptr;
   bool no_interference_ = false, no_dispersion_ = false, no_absorption_ = false;
   bool matrix_ = false, amplitudes_ = false, per_order_ = false, explain_ = false;
 };

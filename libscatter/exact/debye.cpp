@@ -32,10 +32,17 @@ namespace scatter::exact {
 namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon() / 2;
-constexpr double floor_of_whole = 1e-12; ///< orders far below the whole need no ten digits of their own
 /// Estimated errors above which an amplitude is summed again: of orders, and of the whole up to x = 5000,
 /// where Mie's own sum is as good.
 constexpr double sure = 5e-11, sure_of_whole = 5e-12, whole_size = 5000;
+
+/// What a sum is held to.
+struct Need {
+  double enough = sure;          ///< estimated error that an amplitude may have without being summed again
+  double floor_of_whole = 1e-12; ///< orders far below the whole need no ten digits of their own
+};
+constexpr Need visible{1e-7, 1};
+
 constexpr int most_orders = 1000;
 constexpr double smallest_index = 1e-6; ///< keeps powers of it, and functions of small spheres, in range
 // Late orders are a few resonant partial waves: the roundings of their pi_n do not average out as those of
@@ -211,10 +218,9 @@ double larger(const DebyeTerm& term, std::size_t i) {
 }
 
 /// Sums sets over all angles, first in double, then in 32 digits where that was not sure. whole: nothing
-/// while it is itself what is summed. enough: estimated error that an amplitude may have without being summed
-/// again.
+/// while it is itself what is summed.
 std::vector<DebyeTerm>
-sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, double enough, int threads) {
+sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, Need need, int threads) {
   std::vector<PartialWaves> rounded;
   for (auto& set : sets) rounded.push_back(set.take_rounded());
   auto sums = sum_partial_waves(rounded, angles, threads);
@@ -223,7 +229,7 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
 
   std::vector<DebyeTerm> terms(sets.size());
   const auto scale = [&](std::size_t set, std::size_t i) {
-    return std::max(larger(terms[set], i), whole ? floor_of_whole * larger(*whole, i) : 0);
+    return std::max(larger(terms[set], i), whole ? need.floor_of_whole * larger(*whole, i) : 0);
   };
   const auto size = [&](std::size_t set, std::size_t i) { return std::sqrt(sums[set].largest_partial[i]); };
   const auto estimate = [&](std::size_t set, std::size_t i, double rounding) {
@@ -236,7 +242,7 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
     terms[set].S2 = std::move(sums[set].S2);
     for (std::size_t i = 0; i < angles.size(); ++i)
       // "Not surely below": a term that is zero to the last bit is unsure too.
-      if (!(estimate(set, i, sums[set].rounding[i]) <= enough)) unsure[i] = unsure_of[set][i] = true;
+      if (!(estimate(set, i, sums[set].rounding[i]) <= need.enough)) unsure[i] = unsure_of[set][i] = true;
   }
   std::vector<Angle> again;
   std::vector<std::size_t> place;
@@ -266,7 +272,7 @@ sum(std::span<Set> sets, std::span<const Angle> angles, const DebyeTerm* whole, 
 
 DebyeResult solve(
     double x, std::complex<double> m, std::span<const int> asked, std::span<const double> theta,
-    AngleUnit unit, int threads) {
+    AngleUnit unit, int threads, DebyeDigits digits) {
   check_sphere(x, m);
   if (!(std::abs(m) >= smallest_index)) {
     std::ostringstream message;
@@ -292,11 +298,14 @@ DebyeResult solve(
   std::vector<Set> sets;
   sets.emplace_back(c.whole_error);
   for (std::size_t k = 0; k < count; ++k) sets[0].add(c.a[k].whole, c.b[k].whole);
-  result.whole = std::move(sum(sets, angles, nullptr, x <= whole_size ? sure_of_whole : sure, threads)[0]);
+  const bool every = digits == DebyeDigits::every;
+  const Need need = every ? Need{} : visible;
+  const Need of_whole = every && x <= whole_size ? Need{sure_of_whole} : need;
+  result.whole = std::move(sum(sets, angles, nullptr, of_whole, threads)[0]);
   sets.clear();
 
   const auto flush = [&] {
-    for (auto& term : sum(sets, angles, &result.whole, sure, threads)) {
+    for (auto& term : sum(sets, angles, &result.whole, need, threads)) {
       result.orders.push_back({std::move(term), orders[result.orders.size()]});
     }
     sets.clear();
@@ -322,6 +331,7 @@ DebyeResult solve(
     if (sets.size() == batch) flush();
   }
   if (!sets.empty()) flush();
+  if (!every) return result;
 
   const int last = orders.back();
   sets.emplace_back((last + 1) * c.error);
@@ -330,7 +340,7 @@ DebyeResult solve(
     sets[0].add(sum_a[k], sum_b[k]);
     sets[1].add(c.a[k].after_first * power_a[k], c.b[k].after_first * power_b[k]);
   }
-  auto rest = sum(sets, angles, &result.whole, sure, threads);
+  auto rest = sum(sets, angles, &result.whole, need, threads);
   result.partial_sum = std::move(rest[0]);
   result.remainder = std::move(rest[1]);
   return result;
@@ -340,14 +350,14 @@ DebyeResult solve(
 
 DebyeResult debye(
     double size_parameter, std::complex<double> index, std::span<const int> orders,
-    std::span<const double> theta, int threads) {
-  return solve(size_parameter, index, orders, theta, AngleUnit::radian, threads);
+    std::span<const double> theta, int threads, DebyeDigits digits) {
+  return solve(size_parameter, index, orders, theta, AngleUnit::radian, threads, digits);
 }
 
 DebyeResult debye_at_degrees(
     double size_parameter, std::complex<double> index, std::span<const int> orders,
-    std::span<const double> theta_deg, int threads) {
-  return solve(size_parameter, index, orders, theta_deg, AngleUnit::degree, threads);
+    std::span<const double> theta_deg, int threads, DebyeDigits digits) {
+  return solve(size_parameter, index, orders, theta_deg, AngleUnit::degree, threads, digits);
 }
 
 } // namespace scatter::exact

@@ -17,7 +17,7 @@ inline constexpr double debye_validated_size_parameter = 2e4;
 struct DebyeTerm {
   std::vector<std::complex<double>> S1, S2;
   /// Largest over the angles of the error of S1 and S2, relative to max(|S1|, |S2|, 1e-12 max of the whole's)
-  /// at the same angle.
+  /// at the same angle; with visible digits to max(|S1|, |S2|, max of the whole's).
   double error_estimate = 0;
 };
 
@@ -34,6 +34,13 @@ struct DebyeResult {
   /// resonances keep partial waves inside, in the extreme for 1e8 reflections.
   DebyeTerm remainder;
   DebyeTerm whole; ///< all orders, closed form: Lorenz-Mie
+};
+
+/// How many digits are wanted.
+enum class DebyeDigits : unsigned char {
+  every,  ///< those of every term by itself, as promised below
+  visible ///< errors up to 1e-7 of max(|S1|, |S2|) of the whole at the same angle: what shows beside it.
+          ///< Terms that are darker than that have no digits, partial_sum and remainder stay empty
 };
 
 /// theta in radians, [0, pi], any order; orders 0..1000, any order, repeats ignored. threads = 0: all cores.
@@ -55,19 +62,19 @@ struct DebyeResult {
 /// (debye_validated_size_parameter) and up to 5e5 it computes the same way, not compared.
 ///
 /// Cost: x |m| steps of 32 digits for the coefficients, then per order Mie's sum over partial waves, and some
-/// 20 times that for angles where double is not enough.
+/// 20 times that for angles where double is not enough; with visible digits it always is, short of accidents.
 ///
 /// Throws InputError for x outside [1e-6, 5e5], an index that is not finite, n <= 0, k < 0, m = 1, |m| <
 /// 1e-6, |m| x > 1e8, an angle that is not in [0, pi], no order, or one outside 0..1000.
 [[nodiscard]] DebyeResult debye(
     double size_parameter, std::complex<double> index, std::span<const int> orders,
-    std::span<const double> theta, int threads = 0);
+    std::span<const double> theta, int threads = 0, DebyeDigits digits = DebyeDigits::every);
 
 /// The same for angles in degrees, [0, 180], which count as exact in degrees; even grids of decimals count as
 /// those decimals, as in mie_at_degrees, and estimates are of the errors there. Their sums, too, may be made
 /// by FFT: then numbers depend on the grid as well.
 [[nodiscard]] DebyeResult debye_at_degrees(
     double size_parameter, std::complex<double> index, std::span<const int> orders,
-    std::span<const double> theta_deg, int threads = 0);
+    std::span<const double> theta_deg, int threads = 0, DebyeDigits digits = DebyeDigits::every);
 
 } // namespace scatter::exact

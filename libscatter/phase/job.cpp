@@ -206,6 +206,16 @@ void count_memory(Plan& made) {
         made.memory_bytes / 1e9, made.available_bytes / 1e9));
 }
 
+/// What is asked for that Mie does not have; nullptr: nothing.
+const char* option_of_patches(const Request& request) {
+  if (!request.open.diffraction) return "--diffraction";
+  if (!request.open.orders) return "--orders";
+  if (!request.open.rays) return "--rays";
+  if (!request.open.focal_lines) return "--focal-lines";
+  if (!request.interference) return "--no-interference";
+  return request.per_order ? "--per-order" : nullptr;
+}
+
 } // namespace
 
 Plan plan(const Request& request) {
@@ -215,15 +225,16 @@ Plan plan(const Request& request) {
   made.available_bytes = static_cast<double>(compute::available_memory());
   const bool sphere = request.shape.is_sphere();
   made.method = request.method;
+  const char* const of_patches = option_of_patches(request);
   if (made.method == Method::automatic)
-    made.method = sphere && request.interference && !request.per_order ? Method::mie : Method::patches;
+    made.method = sphere && of_patches == nullptr ? Method::mie : Method::patches;
   if (made.method == Method::mie) {
     if (!sphere)
       throw InputError(fmt::format(
           "--method mie: only a sphere has a Lorenz-Mie series, this drop is a {}; use --method patches",
           request.shape.name));
-    if (!request.interference) throw InputError("--method mie: --no-interference is for --method patches");
-    if (request.per_order) throw InputError("--method mie: --per-order is for --method patches");
+    if (of_patches != nullptr)
+      throw InputError(fmt::format("--method mie: {} is for --method patches; drop one of them", of_patches));
   }
   if (request.tolerance > 0 && made.method == Method::mie)
     made.reasons = "a sphere has an exact theory: Lorenz-Mie, to 1e-9";
@@ -244,9 +255,10 @@ Plan plan(const Request& request) {
     throw InputError("--no-interference: intensities have no amplitude; drop --amplitudes and --per-order");
   made.header = make_header(request, made.method);
   check_index(made);
+  if (made.method == Method::patches)
+    made.errors = std::make_shared<SampledErrors>(request, made.header.index);
   if (request.tolerance > 0 && made.method == Method::patches) {
-    const std::size_t middle = request.wavelength_m.size() / 2;
-    Choice choice = choose_settings(request, request.wavelength_m[middle], made.header.index[middle]);
+    Choice choice = choose_settings(request, *made.errors);
     made.request = std::move(choice.request);
     made.reasons = std::move(choice.explanation);
     made.header = make_header(made.request, made.method);
@@ -265,12 +277,9 @@ Prediction predict(const Plan& plan) {
       seconds += 2 * pi * request.shape.radius_m / wavelength *
                  (1e-7 + 3e-10 * static_cast<double>(request.theta_deg.size()) *
                              (request.sun_disc_deg > 0 ? 30 : 1));
-    return {1e-9, seconds};
+    return {1e-9, seconds, 0};
   }
-  const std::size_t middle = plan.request.wavelength_m.size() / 2;
-  const ErrorModel errors(
-      plan.request, plan.request.wavelength_m[middle], plan.header.index[middle], plan.request.orders.back());
-  return predict(plan.request, errors);
+  return predict(plan.request, *plan.errors);
 }
 
 void ErrorSum::add(std::span<const double> errors) {

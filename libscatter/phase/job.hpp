@@ -5,6 +5,7 @@
 #include <scatter/table/files.hpp>
 
 #include <functional>
+#include <memory>
 
 namespace scatter::phase {
 
@@ -17,22 +18,27 @@ struct Plan {
   double available_bytes = 0; ///< what the machine has free
   std::string description;    ///< one line: method, rays, columns, passes
   std::string reasons;        ///< with a tolerance: lines that say what was considered and why this
+  /// Of patches: shared by the choice of settings, predict() and run(), whichever needs them first computes
+  /// them.
+  std::shared_ptr<SampledErrors> errors;
 };
 
-/// Checks the request and chooses how to do it: a sphere goes to Mie, everything else to rays; with a
-/// tolerance also the filter, orders and rays that are open. Throws InputError with one line: which option,
+/// Checks the request and chooses how to do it: a sphere goes to Mie unless something is asked for
+/// that only rays have, everything else to rays; with a tolerance also the filter, orders and rays that are
+/// open. Throws InputError with one line: which option,
 /// what is wrong, what would be right; also when the job would need more memory than there is, or there is no
 /// OpenCL device with fp64.
 [[nodiscard]] Plan plan(const Request& request);
 
-/// What the plan will cost, by the models of planner.hpp; takes a fraction of a second, up to some seconds
-/// with many orders.
+/// What the plan will cost, by the models of planner.hpp. Computes the errors if nothing has yet.
 [[nodiscard]] Prediction predict(const Plan& plan);
 
 /// What a run came to.
 struct Outcome {
   double error = 0;   ///< root mean square of the table's error estimates, relative
-  double seconds = 0; ///< wall time
+  double seconds = 0; ///< wall time of all but judging
+  double judging_seconds =
+      0; ///< wall time of the errors' estimate, whether plan(), predict() or run() made it
 };
 
 /// Called from time to time with done in [0, 1].

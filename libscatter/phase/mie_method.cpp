@@ -81,7 +81,7 @@ Outcome run_mie(const Plan& plan, table::Sink& sink, const Progress& progress) {
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   sink.finish(seconds);
-  return {sum.root_mean_square(), seconds};
+  return {sum.root_mean_square(), seconds, 0};
 }
 
 } // namespace scatter::phase

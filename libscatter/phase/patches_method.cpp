@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <set>
 
 namespace scatter::phase {
 
@@ -43,43 +42,18 @@ std::vector<table::Amplitude> to_table(const std::vector<wavefront::Amplitude>& 
   return to;
 }
 
-/// Estimates at up to three wavelengths of a request: errors change little between them.
-class ErrorsByWavelength {
-public:
-  ErrorsByWavelength(const Request& request, const std::vector<std::complex<double>>& index) {
-    const std::size_t last = request.wavelength_m.size() - 1;
-    const auto [least, most] = std::ranges::minmax(request.wavelength_m);
-    std::set<std::size_t> sampled{last / 2};
-    if (most > 1.1 * least) sampled.insert({0, last});
-    for (const std::size_t w : sampled)
-      errors_.emplace_back(
-          request.wavelength_m[w],
-          ErrorModel(request, request.wavelength_m[w], index[w], request.orders.back())
-              .estimate(request.diffraction, request.rays, request.orders));
-  }
-  /// Of the nearest wavelength.
-  [[nodiscard]] const std::vector<double>& at(double wavelength_m) const {
-    return std::ranges::min_element(
-               errors_, {}, [&](const auto& e) { return std::abs(e.first - wavelength_m); })
-        ->second;
-  }
-
-private:
-  std::vector<std::pair<double, std::vector<double>>> errors_;
-};
-
 } // namespace
 
 Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) {
   const Request& request = plan.request;
   try {
+    plan.errors->provide(request.orders.back());
     const auto start = std::chrono::steady_clock::now();
     const compute::Device device(request.threads);
     wavefront::Tracer tracer(tracing_of(request), device);
     std::vector<wavefront::Light> lights;
     for (std::size_t w = 0; w < request.wavelength_m.size(); ++w)
       lights.push_back({request.wavelength_m[w], plan.header.index[w]});
-    const ErrorsByWavelength errors(request, plan.header.index);
     ErrorSum sum;
     sink.begin(plan.header);
     tracer.far_field(lights, wanted_of(request), [&](std::size_t w, wavefront::FarField& field) {
@@ -91,7 +65,8 @@ Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progres
       slab.order_energy = field.order_energy;
       slab.scattering_cross_section = field.scattering_cross_section;
       slab.extinction_cross_section = field.extinction_cross_section;
-      slab.error_estimate = errors.at(request.wavelength_m[w]);
+      slab.error_estimate =
+          plan.errors->estimate(request.wavelength_m[w], request.diffraction, request.rays, request.orders);
       // The average over the disc goes along theta alone, and has no rows beyond a pole.
       for (std::size_t t = 0; t < request.theta_deg.size(); ++t)
         if (std::min(request.theta_deg[t], 180 - request.theta_deg[t]) < request.sun_disc_deg)
@@ -104,8 +79,9 @@ Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progres
       if (progress) progress(static_cast<double>(w + 1) / static_cast<double>(lights.size()));
     });
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    sink.finish(seconds);
-    return {sum.root_mean_square(), seconds};
+    const double judging_seconds = plan.errors->seconds();
+    sink.finish(seconds + judging_seconds);
+    return {sum.root_mean_square(), seconds, judging_seconds};
   } catch (const compute::DeviceError& error) {
     throw RunError(error.what());
   }

@@ -16,14 +16,13 @@ namespace {
 
 /// Core seconds, measured with `scripts/bench` and `scatter validate --case pareto`.
 namespace cost {
-constexpr double job = 0.3;       ///< device, kernels, tables
-constexpr double ray = 15e-9;     ///< per ray and order, with its patch
-constexpr double hit = 30e-9;     ///< per direction and order
-constexpr double window = 0.03;   ///< of the integral, at x = 5000, times the order to the power of 2.5
-constexpr double rings = 0.12;    ///< of the integral along lines of constant azimuth, at x = 5000 ..
-constexpr double column = 0.004;  ///< .. and per azimuth
-constexpr double estimate = 0.15; ///< of the error, per order, of a sphere of x = 5000
-constexpr double shadow = 4e-7;   ///< order 0 of the integral, per direction
+constexpr double job = 0.3;      ///< device, kernels, tables
+constexpr double ray = 15e-9;    ///< per ray and order, with its patch
+constexpr double hit = 30e-9;    ///< per direction and order
+constexpr double window = 0.03;  ///< of the integral, at x = 5000, times the order to the power of 2.5
+constexpr double rings = 0.12;   ///< of the integral along lines of constant azimuth, at x = 5000 ..
+constexpr double column = 0.004; ///< .. and per azimuth
+constexpr double shadow = 4e-7;  ///< order 0 of the integral, per direction
 } // namespace cost
 
 /// Columns that are computed: mirror images and what is axisymmetric share one.
@@ -87,7 +86,7 @@ bool integral_fits(const Request& request) {
          2 * pi * request.shape.radius_m / longest_m >= wavefront::smallest_size_with_shadow;
 }
 
-Prediction predict(const Request& request, const ErrorModel& errors) {
+Prediction predict(const Request& request, SampledErrors& errors) {
   const double columns = distinct_columns(request), rows = static_cast<double>(request.theta_deg.size());
   const double orders = request.orders.back() + 1,
                wavelengths = static_cast<double>(request.wavelength_m.size());
@@ -106,16 +105,12 @@ Prediction predict(const Request& request, const ErrorModel& errors) {
                                         windows(request, columns));
   if (request.diffraction == Diffraction::integral && request.orders.front() == 0)
     each += cost::shadow * rows * columns;
-  const double range_deg = request.theta_deg.back() - request.theta_deg.front();
-  const double sphere =
-      std::min(x, std::clamp(2.4e5 / (range_deg + 4), 2000.0, 1e4)) / 5000; // see Truncation
-  const double judged =
-      std::min(wavelengths, 3.0) * cost::estimate * orders * (sphere * sphere + range_deg / 270);
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());
   const double cores = request.threads > 0 ? std::min<double>(request.threads, all) : all;
   Prediction made;
-  made.seconds = cost::job + (each * wavelengths + judged) / cores;
-  made.error = root_mean_square(errors.estimate(request.diffraction, request.rays, request.orders));
+  made.seconds = cost::job + each * wavelengths / cores;
+  made.error = errors.mean(request.diffraction, request.rays, request.orders);
+  made.judging_seconds = errors.seconds();
   return made;
 }
 
@@ -127,10 +122,8 @@ struct Candidate {
 };
 
 /// All open settings with orders up to the highest, cheapest first.
-std::vector<Candidate>
-candidates(const Request& request, double wavelength_m, std::complex<double> index, int highest) {
-  const ErrorModel errors(
-      request, wavelength_m, index, request.open.orders ? highest : request.orders.back());
+std::vector<Candidate> candidates(const Request& request, SampledErrors& errors, int highest) {
+  errors.provide(request.open.orders ? highest : request.orders.back());
   std::vector<Diffraction> filters{request.diffraction};
   if (request.open.diffraction) {
     filters = {Diffraction::gaussian};
@@ -167,6 +160,22 @@ candidates(const Request& request, double wavelength_m, std::complex<double> ind
   return all;
 }
 
+/// What to do about a tolerance that nothing reaches, beside asking for less.
+std::string what_bars_better(const Request& request) {
+  if (request.open.diffraction) {
+    if (!request.interference) return ", or drop --no-interference, which bars the integral";
+    if (request.focal_lines != FocalLines::exact) return ", or drop --focal-lines, which bars the integral";
+    if (!integral_fits(request)) return "; the drop is too small for the integral";
+  } else if (request.diffraction != Diffraction::integral) {
+    return ", or drop --diffraction, which bars the integral";
+  }
+  if (!request.open.orders) return ", or drop --orders, and more can be chosen";
+  // The regions of tables/accuracy end there.
+  if (request.theta_deg.front() < 20 || request.theta_deg.back() > 165)
+    return ", or leave out directions near 0 and 180deg";
+  return "";
+}
+
 const Candidate& most_accurate(const std::vector<Candidate>& all, std::optional<Diffraction> filter = {}) {
   return *std::ranges::min_element(all, {}, [&](const Candidate& c) {
     return filter && c.request.diffraction != *filter ? 1e300 : c.expected.error;
@@ -175,12 +184,12 @@ const Candidate& most_accurate(const std::vector<Candidate>& all, std::optional<
 
 } // namespace
 
-Choice choose_settings(const Request& request, double wavelength_m, std::complex<double> index) {
+Choice choose_settings(const Request& request, SampledErrors& errors) {
   std::vector<Candidate> all;
   auto found = all.end();
   // Few orders first: to judge many takes seconds.
   for (const int highest : {8, 30}) {
-    all = candidates(request, wavelength_m, index, highest);
+    all = candidates(request, errors, highest);
     found =
         std::ranges::find_if(all, [&](const Candidate& c) { return c.expected.error <= request.tolerance; });
     if (found != all.end() || !request.open.orders) break;
@@ -189,9 +198,9 @@ Choice choose_settings(const Request& request, double wavelength_m, std::complex
     const Candidate& best = most_accurate(all);
     throw InputError(fmt::format(
         "--tolerance: {:.3g} % is out of reach for these directions; the best is {:.2g} % with {}: ask for "
-        "that, "
-        "or leave out directions near 0 and 180deg",
-        100 * request.tolerance, 100 * best.expected.error, settings_text(best.request)));
+        "that{}",
+        100 * request.tolerance, 100 * best.expected.error, settings_text(best.request),
+        what_bars_better(request)));
   }
   Choice choice{found->request, found->expected, {}};
   std::string& text = choice.explanation;

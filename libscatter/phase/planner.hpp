@@ -1,6 +1,6 @@
 #pragma once
 
-#include <scatter/phase/accuracy.hpp>
+#include <scatter/phase/sampled_errors.hpp>
 
 #include <string>
 
@@ -9,14 +9,15 @@ namespace scatter::phase {
 
 /// What a choice of settings is expected to cost.
 struct Prediction {
-  double error = 0;   ///< as Request::tolerance
-  double seconds = 0; ///< wall time of the whole request
+  double error = 0;           ///< as Request::tolerance
+  double seconds = 0;         ///< wall time of run() with the errors at hand and the kernels compiled
+  double judging_seconds = 0; ///< wall time that the errors took: measured, not predicted
 };
 
-/// Predicts a request for rays from its settings as they stand. The error is that of the middle wavelength;
-/// see ErrorModel. The time is a count of rays, patches, directions and windows times what each took where it
-/// was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of about 2 there.
-[[nodiscard]] Prediction predict(const Request& request, const ErrorModel& errors);
+/// Predicts a request for rays from its settings as they stand. The error is that over the wavelengths that
+/// SampledErrors looks at. The time is a count of rays, patches, directions and windows times what each took
+/// where it was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of about 2 there.
+[[nodiscard]] Prediction predict(const Request& request, SampledErrors& errors);
 
 /// Whether the diffraction integral serves drops this small: order 0 needs a size parameter of
 /// wavefront::smallest_size_with_shadow.
@@ -32,6 +33,6 @@ struct Choice {
 /// For a drop that needs rays: the cheapest of filters, orders 0..last and numbers of rays whose predicted
 /// error is within request.tolerance. Throws InputError with the best that is possible when none is, saying
 /// how it is reached.
-[[nodiscard]] Choice choose_settings(const Request& request, double wavelength_m, std::complex<double> index);
+[[nodiscard]] Choice choose_settings(const Request& request, SampledErrors& errors);
 
 } // namespace scatter::phase

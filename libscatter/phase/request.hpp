@@ -27,7 +27,8 @@ struct Request {
   std::vector<double> phi_deg;         ///< azimuths in [-360, 360], increasing
   int rays = 1000;                     ///< grid of rays x rays across the drop
   std::vector<int> orders{0, 1, 2, 3}; ///< p, sorted
-  Method method = Method::automatic;   ///< automatic: Mie for a sphere, patches otherwise
+  /// automatic: Mie for a sphere with all of `open`, interference and no per_order; patches otherwise
+  Method method = Method::automatic;
   Diffraction diffraction = Diffraction::gaussian;
   FocalLines focal_lines = FocalLines::exact;
   Search search = Search::automatic;
@@ -41,9 +42,11 @@ struct Request {
   /// Relative error of the intensity averaged over the sun's disc, root of the mean square over theta, that
   /// plan() reaches by choosing what is open; 0: everything is as it stands here. In (0, 1).
   double tolerance = 0;
+  /// What nobody asked for: with a tolerance plan() may choose it, and where all of it is open an automatic
+  /// method may be one that knows nothing of it.
   struct Open {
-    bool diffraction = true, rays = true, orders = true;
-  } open;              ///< with a tolerance: what plan() may choose
+    bool diffraction = true, rays = true, orders = true, focal_lines = true;
+  } open;
   int threads = 0;     ///< 0: all cores; results do not depend on it
   std::string command; ///< goes into the provenance
 };

@@ -49,8 +49,9 @@ Truncation::Truncation(
           exact::SunDisc::level_for(judged_size(size_parameter, theta_deg))) {
   std::vector<int> all(std::min(last_order, highest_order) + 1);
   std::iota(all.begin(), all.end(), 0);
-  auto series =
-      exact::debye_at_degrees(judged_size(size_parameter, theta_deg), index, all, disc_.grid_deg(), threads);
+  auto series = exact::debye_at_degrees(
+      judged_size(size_parameter, theta_deg), index, all, disc_.grid_deg(), threads,
+      exact::DebyeDigits::visible);
   for (auto& order : series.orders) orders_.push_back({std::move(order.S1), std::move(order.S2)});
   whole_ = mean_intensity(disc_, series.whole.S1, series.whole.S2);
 }

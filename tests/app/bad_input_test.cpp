@@ -233,6 +233,22 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"OrdersInverted", phase({{"--orders", "3..0"}}), {"--orders", "3..0"}},
         Case{"OrdersEmpty", phase({}, {"--orders", ""}), {"--orders", "empty"}},
         Case{"MethodUnknown", phase({{"--method", "magic"}}), {"--method", "magic", "patches"}},
+        Case{
+            "MieWithOrders",
+            phase({{"--shape", "sphere"}, {"--method", "mie"}, {"--orders", "0..3"}}),
+            {"--method mie", "--orders", "patches"}},
+        Case{
+            "MieWithDiffraction",
+            phase({{"--shape", "sphere"}, {"--method", "mie"}, {"--diffraction", "none"}}),
+            {"--method mie", "--diffraction", "patches"}},
+        Case{
+            "MieWithRays",
+            phase({{"--shape", "sphere"}, {"--method", "mie"}, {"--rays", "1000"}}),
+            {"--method mie", "--rays", "patches"}},
+        Case{
+            "MieWithFocalLines",
+            phase({{"--shape", "sphere"}, {"--method", "mie"}, {"--focal-lines", "exact"}}),
+            {"--method mie", "--focal-lines", "patches"}},
         Case{"MieForADrop", phase({{"--method", "mie"}}), {"--method", "mie", "sphere"}},
         Case{
             "DiffractionUnknown",
@@ -259,6 +275,15 @@ INSTANTIATE_TEST_SUITE_P(
             "ToleranceOutOfReach",
             phase({{"--theta", "120:150:1"}, {"--phi", "0"}, {"--tolerance", "1e-6"}}),
             {"--tolerance", "out of reach", "--orders"}},
+        Case{
+            "ToleranceWithoutTheIntegral",
+            phase(
+                {{"--theta", "137:139:1"}, {"--phi", "0"}, {"--tolerance", "5%"}, {"--focal-lines", "rule"}}),
+            {"--tolerance", "out of reach", "drop --focal-lines"}},
+        Case{
+            "ToleranceOfIntensities",
+            phase({{"--theta", "137:139:1"}, {"--phi", "0"}, {"--tolerance", "5%"}}, {"--no-interference"}),
+            {"--tolerance", "out of reach", "drop --no-interference"}},
         Case{"ToleranceOfAll", phase({{"--tolerance", "100%"}}), {"--tolerance", "100%", "0.01"}},
         Case{"ToleranceNegative", phase({{"--tolerance", "-1%"}}), {"--tolerance", "-1%"}},
         Case{"ToleranceWord", phase({{"--tolerance", "good"}}), {"--tolerance", "good"}},

@@ -48,9 +48,10 @@ TEST(Program, HelpOfEveryVerbListsItsOptions) {
 
 TEST(Phase, TellsWhereMieIsBeyondItsValidatedDomain) {
   const auto sphere = [](const char* wavelengths, const char* method) {
-    return run(
-        {"phase", "--shape", "sphere", "--radius", "5mm", "--wavelengths", wavelengths, "--theta", "90",
-         "--rays", "40", "--method", method});
+    std::vector<std::string> words{"phase",     "--shape", "sphere", "--radius", "5mm", "--wavelengths",
+                                   wavelengths, "--theta", "90",     "--method", method};
+    if (method == std::string("patches")) words.insert(words.end(), {"--rays", "40"});
+    return run(words);
   };
   const Outcome beyond = sphere("700nm,500nm,600nm", "mie"); // the shortest of them is what counts
   EXPECT_EQ(beyond.exit_code, 0);
@@ -85,6 +86,21 @@ TEST(Phase, SphereByPatchesGoesThroughTheKernelOfAnyDrop) {
   const auto table = nlohmann::json::parse(outcome.output);
   EXPECT_THAT(table.at("method").get<std::string>(), HasSubstr("patches"));
   for (const auto& row : table.at("phase_function").at(0)) EXPECT_GE(row.at(0).get<double>(), 0);
+}
+
+TEST(Phase, WhatOnlyPatchesHaveIsNotDroppedSilentlyOnASphere) {
+  const auto method = [](const char* option, const char* value) {
+    const Outcome outcome = run(
+        {"phase", "--shape", "sphere", "--radius", "50um", "--wavelength", "650nm", "--theta", "134,140deg",
+         option, value});
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    return nlohmann::json::parse(outcome.output).at("method").get<std::string>();
+  };
+  EXPECT_THAT(method("--orders", "2"), HasSubstr("orders 2,"));
+  EXPECT_THAT(method("--diffraction", "none"), HasSubstr("diffraction none"));
+  EXPECT_THAT(method("--rays", "40"), HasSubstr("40 x 40 rays"));
+  EXPECT_THAT(method("--focal-lines", "rule"), HasSubstr("by rule"));
+  EXPECT_THAT(method("--method", "auto"), HasSubstr("mie"));
 }
 
 TEST(Phase, ResultsDoNotDependOnThreads) {

@@ -91,6 +91,23 @@ INSTANTIATE_TEST_SUITE_P(
       return name;
     });
 
+TEST_P(DebyeTruth, VisibleDigitsAreThoseThatShowBesideTheWhole) {
+  std::vector<int> orders;
+  for (const auto& order : exact["orders"]) orders.push_back(order["p"]);
+  const auto result = debye_at_degrees(
+      exact["x"], as_complex(exact["m"]), orders, angles, 0, scatter::exact::DebyeDigits::visible);
+  ASSERT_EQ(result.orders.size(), orders.size());
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    const double whole = larger(as_complex(exact["S1"][i]), as_complex(exact["S2"][i]));
+    for (std::size_t o = 0; o < orders.size(); ++o) {
+      const auto& expected = exact["orders"][o];
+      const complex S1 = as_complex(expected["S1"][i]), S2 = as_complex(expected["S2"][i]);
+      const double error = larger(result.orders[o].S1[i] - S1, result.orders[o].S2[i] - S2);
+      EXPECT_LE(error, 1e-7 * std::max(larger(S1, S2), whole)) << "p = " << orders[o] << ", " << angles[i];
+    }
+  }
+}
+
 const double sizes[] = {1e-6, 1e-3, 0.1, 1, pi, 10, 49.9386, 200, 3000};
 const complex indices[] = {1.0001, 1.333, 1.5, 10, 0.75, {1.33, 1e-9}, {1.33, 1e-3}, {0.2, 3}, {10, 10}};
 const std::vector<double> some_angles{0, 1e-3, 30, 89.9, 90, 90.1, 138, 179.99, 180};

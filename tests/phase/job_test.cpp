@@ -174,6 +174,18 @@ TEST(Refused, MieWithSwitchesOfThePatches) {
   }
 }
 
+TEST(Refused, MieWithOptionsOfThePatches) {
+  for (bool Request::Open::*option :
+       {&Request::Open::diffraction, &Request::Open::orders, &Request::Open::rays,
+        &Request::Open::focal_lines}) {
+    Request request = sphere_request();
+    request.open.*option = false;
+    EXPECT_EQ(plan(request).method, Method::patches) << "somebody asked for what Mie does not have";
+    request.method = Method::mie;
+    EXPECT_THROW((void)plan(request), InputError);
+  }
+}
+
 // ---------------------------------------------------------------------------------------------------------------
 // What is chosen.
 

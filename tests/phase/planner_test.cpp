@@ -162,6 +162,43 @@ TEST(Tolerance, SaysWhatIsPossibleWhenNothingReachesTheTolerance) {
   }
 }
 
+TEST(Tolerance, HoldsForAllWavelengthsOfATable) {
+  Request request = raindrop();
+  request.wavelength_m = {380e-9, 450e-9, 540e-9, 620e-9, 700e-9};
+  request.phi_deg = {0};
+  request.tolerance = 0.1;
+  const Plan made = plan(request);
+  const Prediction expected = predict(made);
+  const double judging = made.errors->seconds();
+  EXPECT_GT(judging, 0);
+  table::MemorySink sink;
+  const Outcome outcome = run(made, sink);
+  EXPECT_LE(outcome.error, request.tolerance);
+  EXPECT_NEAR(outcome.error, expected.error, 1e-9 * expected.error);
+  EXPECT_EQ(outcome.judging_seconds, judging) << "errors are computed once";
+}
+
+TEST(Tolerance, NamesTheOptionThatBarsTheIntegral) {
+  Request request = raindrop();
+  request.phi_deg = {0};
+  request.tolerance = 0.1;
+  const auto refusal = [&] {
+    try {
+      (void)plan(request);
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_EQ(refusal(), "accepted");
+  request.focal_lines = FocalLines::rule;
+  EXPECT_THAT(refusal(), testing::HasSubstr("--focal-lines"));
+  EXPECT_THAT(refusal(), testing::Not(testing::HasSubstr("180deg"))) << "no direction is near the poles";
+  request.focal_lines = FocalLines::exact;
+  request.interference = false;
+  EXPECT_THAT(refusal(), testing::HasSubstr("--no-interference"));
+}
+
 TEST(Tolerance, SendsASphereToMie) {
   Request request = raindrop();
   request.shape = drop::sphere(0.5e-3);
