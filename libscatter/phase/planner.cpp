@@ -14,13 +14,15 @@
 namespace scatter::phase {
 namespace {
 
-/// Core seconds, measured with `scripts/bench` and `scatter validate --case pareto`.
+/// Core seconds: user time of the program on a busy machine (two cores, load 8), orders and wavelengths one
+/// by one and together, 0.5 and 1 mm; `scatter validate --case pareto` sets what comes of it beside what was
+/// achieved.
 namespace cost {
-constexpr double job = 0.3;      ///< device, kernels, tables
-constexpr double ray = 15e-9;    ///< per ray and order, with its patch
-constexpr double hit = 30e-9;    ///< per direction and order
+constexpr double job = 0.2;  ///< device, kernels out of the driver's cache, tables; of the integral once more
+constexpr double ray = 8e-8; ///< per ray and order, with its patch
+constexpr double hit = 3e-8; ///< per direction and order
 constexpr double window = 0.03;  ///< of the integral, at x = 5000, times the order to the power of 2.5
-constexpr double rings = 0.12;   ///< of the integral along lines of constant azimuth, at x = 5000 ..
+constexpr double rings = 0.25;   ///< of the integral along lines of constant azimuth, at x = 5000 ..
 constexpr double column = 0.004; ///< .. and per azimuth
 constexpr double shadow = 4e-7;  ///< order 0 of the integral, per direction
 } // namespace cost
@@ -37,8 +39,8 @@ double distinct_columns(const Request& request) {
 /// all directions.
 double windows(const Request& request, double columns) {
   const double first = request.theta_deg.front(), last = request.theta_deg.back();
-  const double across =
-      columns == 1 ? 1 : 15 * std::sin(0.5 * (first + last) * radians_per_degree) + 1; // half a turn
+  const double half_a_turn = 15 * std::sin(0.5 * (first + last) * radians_per_degree) + 1;
+  const double across = std::min(columns, half_a_turn);
   return std::max(1.0, ((last - first) / 12 + 1) / (last - first > 60 ? 3 : 1.5)) * across;
 }
 
@@ -93,22 +95,23 @@ Prediction predict(const Request& request, SampledErrors& errors) {
   const double mean_m =
       std::accumulate(request.wavelength_m.begin(), request.wavelength_m.end(), 0.0) / wavelengths;
   const double x = 2 * pi * request.shape.radius_m / mean_m;
-  const double half = request.sun_elevation_deg == 90 || request.shape.is_sphere() ? 0.1 : 0.5;
+  const bool axisymmetric = request.sun_elevation_deg == 90 || request.shape.is_sphere();
+  const double half = axisymmetric ? 0.1 : 0.5;
+  const double integral_job = request.diffraction == Diffraction::integral ? cost::job : 0;
   double each = cost::ray * half * request.rays * request.rays * orders +
                 cost::hit * rows * columns * static_cast<double>(request.orders.size());
   if (request.diffraction == Diffraction::integral)
     for (const int order : request.orders)
       if (order > 0 && has_caustic(request, order, mean_m))
         each += (x / 5000) * (order <= last_order_by_columns(request)
-                                  ? cost::rings + cost::column * columns
-                                  : cost::window * std::pow(order, 2.5) * (columns == 1 ? 0.2 : 1) *
-                                        windows(request, columns));
+                                  ? cost::rings * (axisymmetric ? 0.5 : 1) + cost::column * columns
+                                  : cost::window * std::pow(order, 2.5) * windows(request, columns));
   if (request.diffraction == Diffraction::integral && request.orders.front() == 0)
     each += cost::shadow * rows * columns;
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());
   const double cores = request.threads > 0 ? std::min<double>(request.threads, all) : all;
   Prediction made;
-  made.seconds = cost::job + each * wavelengths / cores;
+  made.seconds = (cost::job + integral_job + each * wavelengths) / cores;
   made.error = errors.mean(request.diffraction, request.rays, request.orders);
   made.judging_seconds = errors.seconds();
   return made;
