@@ -77,8 +77,8 @@ void compute(const PhaseJob& job) {
           "more",
           expected.judging_seconds);
     fmt::print(
-        explanation, "predicted: error {:.2g} %, {:.2g} s{}\n", 100 * expected.error, expected.seconds,
-        beside);
+        explanation, "predicted: error {:.2g} %, {:.2g} s{}\n", 100 * expected.error,
+        expected.seconds + expected.starting_seconds, beside);
     if (!job.output_given) return;
     (void)std::fflush(explanation);
   }

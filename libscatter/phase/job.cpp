@@ -272,12 +272,12 @@ Prediction predict(const Plan& plan) {
   if (plan.method == Method::mie) {
     // The coefficients' sums over partial waves by FFT, where angles allow it; otherwise some ten times that.
     const Request& request = plan.request;
-    double seconds = 0.05;
+    double seconds = 0;
     for (const double wavelength : request.wavelength_m)
       seconds += 2 * pi * request.shape.radius_m / wavelength *
                  (1e-7 + 3e-10 * static_cast<double>(request.theta_deg.size()) *
                              (request.sun_disc_deg > 0 ? 30 : 1));
-    return {1e-9, seconds, 0};
+    return {1e-9, seconds, 0.05, 0};
   }
   return predict(plan.request, *plan.errors);
 }

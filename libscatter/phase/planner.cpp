@@ -14,18 +14,24 @@
 namespace scatter::phase {
 namespace {
 
-/// Core seconds: user time of the program on a busy machine (two cores, load 8), orders and wavelengths one
-/// by one and together, 0.5 and 1 mm; `scatter validate --case pareto` sets what comes of it beside what was
-/// achieved.
+/// Core seconds, from user times of the program: orders, wavelengths and sizes (0.1 to 1 mm) one by one and
+/// together; those of the integral count half more, for its cores wait for each other.
+/// `scatter validate --case pareto` sets what comes of it beside what was achieved.
 namespace cost {
-constexpr double job = 0.2;  ///< device, kernels out of the driver's cache, tables; of the integral once more
-constexpr double ray = 8e-8; ///< per ray and order, with its patch
-constexpr double hit = 3e-8; ///< per direction and order
-constexpr double window = 0.03;  ///< of the integral, at x = 5000, times the order to the power of 2.5
-constexpr double rings = 0.25;   ///< of the integral along lines of constant azimuth, at x = 5000 ..
-constexpr double column = 0.004; ///< .. and per azimuth
+constexpr double ray = 8e-8;    ///< per ray and order, with its patch
+constexpr double hit = 3e-8;    ///< per direction and order
+constexpr double window = 0.03; ///< of the integral, at x = 5000, times the order to the power of 2.5
+/// Of the integral along lines of constant azimuth, for any size, and more at x = 5000.
+struct Rings {
+  double any, more;
+};
+constexpr Rings of_sphere{0.15, 0.04}, of_drop{0.2, 0.2};
+constexpr double column = 0.006; ///< the same per azimuth at x = 5000
+constexpr double integral = 0.2; ///< once per request
 constexpr double shadow = 4e-7;  ///< order 0 of the integral, per direction
 } // namespace cost
+/// Wall time of a process's first request: device, kernels out of the driver's cache, tables.
+constexpr double starting_seconds = 0.1;
 
 /// Columns that are computed: mirror images and what is axisymmetric share one.
 double distinct_columns(const Request& request) {
@@ -97,21 +103,24 @@ Prediction predict(const Request& request, SampledErrors& errors) {
   const double x = 2 * pi * request.shape.radius_m / mean_m;
   const bool axisymmetric = request.sun_elevation_deg == 90 || request.shape.is_sphere();
   const double half = axisymmetric ? 0.1 : 0.5;
-  const double integral_job = request.diffraction == Diffraction::integral ? cost::job : 0;
+  const double once = request.diffraction == Diffraction::integral ? cost::integral : 0;
   double each = cost::ray * half * request.rays * request.rays * orders +
                 cost::hit * rows * columns * static_cast<double>(request.orders.size());
+  const cost::Rings& rings = axisymmetric ? cost::of_sphere : cost::of_drop;
   if (request.diffraction == Diffraction::integral)
-    for (const int order : request.orders)
-      if (order > 0 && has_caustic(request, order, mean_m))
-        each += (x / 5000) * (order <= last_order_by_columns(request)
-                                  ? cost::rings * (axisymmetric ? 0.5 : 1) + cost::column * columns
-                                  : cost::window * std::pow(order, 2.5) * windows(request, columns));
+    for (const int order : request.orders) {
+      if (order == 0 || !has_caustic(request, order, mean_m)) continue;
+      each += order <= last_order_by_columns(request)
+                  ? rings.any + (x / 5000) * (rings.more + cost::column * columns)
+                  : (x / 5000) * cost::window * std::pow(order, 2.5) * windows(request, columns);
+    }
   if (request.diffraction == Diffraction::integral && request.orders.front() == 0)
     each += cost::shadow * rows * columns;
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());
   const double cores = request.threads > 0 ? std::min<double>(request.threads, all) : all;
   Prediction made;
-  made.seconds = (cost::job + integral_job + each * wavelengths) / cores;
+  made.seconds = (once + each * wavelengths) / cores;
+  made.starting_seconds = starting_seconds;
   made.error = errors.mean(request.diffraction, request.rays, request.orders);
   made.judging_seconds = errors.seconds();
   return made;
@@ -209,8 +218,8 @@ Choice choose_settings(const Request& request, SampledErrors& errors) {
   std::string& text = choice.explanation;
   const auto line = [&](const Candidate& c, const char* verdict) {
     text += fmt::format(
-        "{:9.3g} % {:9.3g} s  {}: {}\n", 100 * c.expected.error, c.expected.seconds, settings_text(c.request),
-        verdict);
+        "{:9.3g} % {:9.3g} s  {}: {}\n", 100 * c.expected.error,
+        c.expected.seconds + c.expected.starting_seconds, settings_text(c.request), verdict);
   };
   text += fmt::format(
       "considered for {:.3g} %: predicted error (root mean square over theta) and time\n",

@@ -247,7 +247,7 @@ INSTANTIATE_TEST_SUITE_P(
             {"--method mie", "--rays", "patches"}},
         Case{
             "MieWithFocalLines",
-            phase({{"--shape", "sphere"}, {"--method", "mie"}, {"--focal-lines", "exact"}}),
+            phase({{"--shape", "sphere"}, {"--method", "mie"}, {"--focal-lines", "exact"}, {"--rays", ""}}),
             {"--method mie", "--focal-lines", "patches"}},
         Case{"MieForADrop", phase({{"--method", "mie"}}), {"--method", "mie", "sphere"}},
         Case{
