@@ -29,6 +29,8 @@ constexpr Rings of_sphere{0.15, 0.04}, of_drop{0.2, 0.2};
 constexpr double column = 0.006; ///< the same per azimuth at x = 5000
 constexpr double integral = 0.2; ///< once per request
 constexpr double shadow = 4e-7;  ///< order 0 of the integral, per direction
+constexpr double filter = 0.3;   ///< per wavelength of a drop; a sphere's is one column
+constexpr double least = 0.01;   ///< per wavelength, whatever is asked for
 } // namespace cost
 /// Wall time of a process's first request: device, kernels out of the driver's cache, tables.
 constexpr double starting_seconds = 0.1;
@@ -106,6 +108,8 @@ Prediction predict(const Request& request, SampledErrors& errors) {
   const double once = request.diffraction == Diffraction::integral ? cost::integral : 0;
   double each = cost::ray * half * request.rays * request.rays * orders +
                 cost::hit * rows * columns * static_cast<double>(request.orders.size());
+  each += cost::least;
+  if (request.diffraction == Diffraction::gaussian && !axisymmetric) each += cost::filter;
   const cost::Rings& rings = axisymmetric ? cost::of_sphere : cost::of_drop;
   if (request.diffraction == Diffraction::integral)
     for (const int order : request.orders) {
