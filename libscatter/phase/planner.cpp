@@ -47,7 +47,8 @@ double distinct_columns(const Request& request) {
 /// all directions.
 double windows(const Request& request, double columns) {
   const double first = request.theta_deg.front(), last = request.theta_deg.back();
-  const double half_a_turn = 15 * std::sin(0.5 * (first + last) * radians_per_degree) + 1;
+  // Each azimuth costs its own as far as it was measured (15 of them); more than these are taken to share.
+  const double half_a_turn = 40 * std::sin(0.5 * (first + last) * radians_per_degree) + 1;
   const double across = std::min(columns, half_a_turn);
   return std::max(1.0, ((last - first) / 12 + 1) / (last - first > 60 ? 3 : 1.5)) * across;
 }
