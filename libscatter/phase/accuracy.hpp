@@ -19,11 +19,21 @@ namespace scatter::phase {
 /// Predicts relative errors of the intensity averaged over the sun's disc, per scattering angle, at one
 /// wavelength: root of the sum of squares of
 /// - what leaving orders out costs, on the exact sphere of equal volume (Truncation), at bows shifted as the
-///   drop's may be;
+///   drop's may be; orders of small drops that the integral cannot make count as left out;
 /// - what the method costs, as measured on spheres against exact theory, per region of scattering angle and
-///   radius (tables/accuracy, from `scatter validate`);
-/// - what the spacing of rays costs.
-/// Errors of single tables without the sun's disc are larger where fringes are finer than it.
+///   radius (tables/accuracy, from `scatter validate`); without the integral also the forward peak, which
+///   is then absent;
+/// - what the spacing of rays costs where patches carry light: with the integral, away from bows and grazing
+///   rays;
+/// - what the scattering cross section by rays, which the phase function is divided by, is off from
+///   Lorenz-Mie's of that sphere, and what a drop that hardly bends light (n below 1.02) does to its edges;
+/// - with a sun's disc, what its average along theta alone, on rows that may be too far apart for the ripple,
+///   makes of the light of that sphere; 1 at least nearer to 0 and 180 deg than its diameter.
+///
+/// On spheres its rms over a region is 0.5 to 10 times the true error (`scatter validate --case estimate`).
+/// 1 or more claims nothing, and may lie further above: behind 165 deg with the integral, 178 deg without,
+/// and for the Gaussian filter with orders above 3. Errors of single tables without the sun's disc are larger
+/// where fringes are finer than it.
 class ErrorModel {
 public:
   /// last_order: the highest that estimate() may be asked about.
@@ -40,7 +50,11 @@ private:
   std::vector<double> theta_deg_;
   double size_parameter_;
   Truncation truncation_;
-  std::vector<double> in_tables_; ///< error of table_orders
+  std::vector<double> in_tables_;               ///< error of table_orders
+  std::vector<std::vector<double>> by_patches_; ///< [order]: share of the light, with the integral
+  std::vector<double> common_;                  ///< of the cross section and of faint edges
+  std::vector<double> disc_;                    ///< of averaging over the sun
+  std::vector<double> no_peak_;                 ///< of leaving forward diffraction out
 };
 
 [[nodiscard]] double root_mean_square(std::span<const double> values);

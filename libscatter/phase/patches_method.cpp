@@ -67,10 +67,6 @@ Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progres
       slab.extinction_cross_section = field.extinction_cross_section;
       slab.error_estimate =
           plan.errors->estimate(request.wavelength_m[w], request.diffraction, request.rays, request.orders);
-      // The average over the disc goes along theta alone, and has no rows beyond a pole.
-      for (std::size_t t = 0; t < request.theta_deg.size(); ++t)
-        if (std::min(request.theta_deg[t], 180 - request.theta_deg[t]) < request.sun_disc_deg)
-          slab.error_estimate[t] = std::max(slab.error_estimate[t], 1.0);
       sum.add(slab.error_estimate);
       sink.write(w, slab);
       // The big arrays go back, to be filled again without touching new memory.

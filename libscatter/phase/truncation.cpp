@@ -44,16 +44,37 @@ Truncation::Truncation(
     double shift_deg, int threads)
     : theta_deg_(theta_deg.begin(), theta_deg.end()),
       centres_deg_(centres(theta_deg, half_window_deg + shift_deg)), shift_deg_(shift_deg),
-      disc_(
-          centres_deg_, exact::sun_diameter_deg,
-          exact::SunDisc::level_for(judged_size(size_parameter, theta_deg))) {
+      size_parameter_(judged_size(size_parameter, theta_deg)),
+      disc_(centres_deg_, exact::sun_diameter_deg, exact::SunDisc::level_for(size_parameter_)) {
   std::vector<int> all(std::min(last_order, highest_order) + 1);
   std::iota(all.begin(), all.end(), 0);
   auto series = exact::debye_at_degrees(
-      judged_size(size_parameter, theta_deg), index, all, disc_.grid_deg(), threads,
-      exact::DebyeDigits::visible);
+      size_parameter_, index, all, disc_.grid_deg(), threads, exact::DebyeDigits::visible);
   for (auto& order : series.orders) orders_.push_back({std::move(order.S1), std::move(order.S2)});
   whole_ = mean_intensity(disc_, series.whole.S1, series.whole.S2);
+}
+
+std::ptrdiff_t Truncation::centre_of(double theta_deg) const {
+  const double c = (theta_deg - centres_deg_.front()) / centre_step_deg;
+  return std::clamp<std::ptrdiff_t>(std::lround(c), 0, static_cast<std::ptrdiff_t>(centres_deg_.size()) - 1);
+}
+
+std::vector<double> Truncation::share(int order) const {
+  std::vector<double> shares(theta_deg_.size(), 0.0);
+  if (static_cast<std::size_t>(order) >= orders_.size()) return shares;
+  const std::vector<double> means = mean_intensity(disc_, orders_[order].S1, orders_[order].S2);
+  for (std::size_t t = 0; t < shares.size(); ++t) {
+    const std::ptrdiff_t c = centre_of(theta_deg_[t]);
+    shares[t] = means[c] / whole_[c];
+  }
+  return shares;
+}
+
+std::vector<double> Truncation::whole() const {
+  std::vector<double> intensity;
+  for (const double theta : theta_deg_)
+    intensity.push_back(whole_[centre_of(theta)] / (size_parameter_ * size_parameter_));
+  return intensity;
 }
 
 std::vector<double> Truncation::error(std::span<const int> orders) const {
@@ -72,10 +93,6 @@ std::vector<double> Truncation::error(std::span<const int> orders) const {
     const double relative = means[c] / whole_[c] - 1;
     up_to[c + 1] = up_to[c] + relative * relative;
   }
-  const auto at = [&](double theta) { // the nearest centre
-    const double c = (theta - centres_deg_.front()) / centre_step_deg;
-    return std::clamp<std::ptrdiff_t>(std::lround(c), 0, static_cast<std::ptrdiff_t>(means.size()) - 1);
-  };
   const auto local = [&](std::ptrdiff_t centre) {
     const auto reach = static_cast<std::ptrdiff_t>(half_window_deg / centre_step_deg);
     const auto first = std::max<std::ptrdiff_t>(centre - reach, 0);
@@ -85,7 +102,8 @@ std::vector<double> Truncation::error(std::span<const int> orders) const {
   std::vector<double> errors;
   for (const double theta : theta_deg_) {
     double worst = 0;
-    for (auto c = at(theta - shift_deg_); c <= at(theta + shift_deg_); ++c) worst = std::max(worst, local(c));
+    for (auto c = centre_of(theta - shift_deg_); c <= centre_of(theta + shift_deg_); ++c)
+      worst = std::max(worst, local(c));
     errors.push_back(worst);
   }
   return errors;

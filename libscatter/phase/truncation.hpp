@@ -3,6 +3,7 @@
 #include <scatter/exact/sun_disc.hpp>
 
 #include <complex>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -24,12 +25,22 @@ public:
   /// are not at hand count as left out.
   [[nodiscard]] std::vector<double> error(std::span<const int> orders) const;
 
+  /// Unpolarised intensity of one order by itself, averaged over the sun's disc, over that of all orders
+  /// together, [theta]; 0 for orders that are not at hand.
+  [[nodiscard]] std::vector<double> share(int order) const;
+
+  /// Intensity of all orders, averaged over the sun's disc: (|S1|^2 + |S2|^2) / x^2, [theta].
+  [[nodiscard]] std::vector<double> whole() const;
+
 private:
+  /// The nearest centre.
+  [[nodiscard]] std::ptrdiff_t centre_of(double theta_deg) const;
+
   struct Amplitudes {
     std::vector<std::complex<double>> S1, S2;
   };
   std::vector<double> theta_deg_, centres_deg_;
-  double shift_deg_ = 0;
+  double shift_deg_ = 0, size_parameter_;
   exact::SunDisc disc_;
   std::vector<Amplitudes> orders_; ///< at the disc's grid
   std::vector<double> whole_;      ///< mean intensity of all orders at the centres
