@@ -34,6 +34,8 @@ const std::vector<Case>& cases() {
        run_drops},
       {"pareto", "error against time of every method: the bows of spheres, and the time of a falling drop",
        run_pareto},
+      {"estimate", "error_estimate of tables against their true error, on spheres of all kinds",
+       run_estimate},
       {"hard-cases", "hard cases of drops: each with its expected answer or its documented limit",
        run_hard_cases},
       {"exact", "exact spheres, Debye series and cylinders at their hard cases against arbitrary precision",

@@ -58,6 +58,9 @@ struct Case {
 /// Lorenz-Mie at several settings, 650 nm; the time of a falling drop at all azimuths. Of the settings index,
 /// threads and quick count.
 [[nodiscard]] CaseReport run_pareto(const Settings& settings, const Progress& progress);
+/// The error_estimate of tables against the true error, on spheres: radius, method, orders, rays, index and
+/// region of scattering angle. Of the settings threads and quick count.
+[[nodiscard]] CaseReport run_estimate(const Settings& settings, const Progress& progress);
 /// Drops and rays at which tracers fail: every case has an expected answer or a documented limit. Of the
 /// settings index, threads and quick count.
 [[nodiscard]] CaseReport run_hard_cases(const Settings& settings, const Progress& progress);

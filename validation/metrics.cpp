@@ -13,7 +13,8 @@ std::string Region::name() const {
 }
 
 const std::vector<Region>& regions() {
-  static const std::vector<Region> all{{0, 30}, {30, 120}, {120, 129}, {130, 137}, {137, 150}, {150, 178}};
+  static const std::vector<Region> all{{0, 15},    {15, 30},   {30, 120}, {120, 129},
+                                       {130, 137}, {137, 150}, {150, 178}};
   return all;
 }
 

@@ -17,8 +17,8 @@ struct Region {
   [[nodiscard]] std::string name() const; ///< "130..137"
 };
 
-/// Forward peak, sky between peak and bows, secondary bow, Alexander's band, primary bow, the rest up to the
-/// glory (which begins at 178 deg and which rays do not know).
+/// Forward peak, what is next to it, sky between peak and bows, secondary bow, Alexander's band, primary bow,
+/// the rest up to the glory (which begins at 178 deg and which rays do not know).
 [[nodiscard]] const std::vector<Region>& regions();
 
 /// An even grid of scattering angles, from 0 to 180 degrees or a part of that, both ends included.

@@ -202,9 +202,10 @@ double efficiency_by_rays(double size_parameter, std::complex<double> index) {
 double cross_section_error(double size_parameter, std::complex<double> index) {
   const double period = std::min(pi / (index.real() - 1), 0.5 * size_parameter);
   constexpr int samples = 8;
+  constexpr double most_by_mie = 5e5; // larger ones are better still
   double squares = 0, own = 0;
   for (int i = 0; i < samples; ++i) {
-    const double x = size_parameter + (i - samples / 2.0) / samples * period;
+    const double x = std::min(size_parameter + (i - samples / 2.0) / samples * period, most_by_mie);
     const double error = efficiency_by_rays(x, index) / exact::mie(x, index, {}).Qsca - 1;
     squares += error * error;
     if (i == samples / 2) own = std::abs(error);
@@ -294,40 +295,78 @@ private:
   std::vector<double> theta_, momentum_; ///< negative: the ray passed below the axis of the light
 };
 
-/// Forward diffraction by a sphere's shadow among other light, |S|^2 over x^2.
-class ForwardPeak {
-public:
-  /// background: of the other light. Its phase is not known: an eighth of a turn behind stands for all.
-  ForwardPeak(double size_parameter, double background) : x_(size_parameter), background_(background) {}
-  [[nodiscard]] double operator()(double theta_deg) const {
-    const double z = x_ * std::sin(std::abs(theta_deg) * radians_per_degree);
-    const double S = z < 1e-6 ? x_ / 2 : x_ * std::cyl_bessel_j(1.0, z) / z;
-    return S * S + std::sqrt(2 * background_) * S + background_;
+/// What rows too far apart leave of the ripple between rays of a sphere, per angle; share: of the light,
+/// [order][theta].
+std::vector<double> ripple_errors(
+    const RippleLeft& left, double n, std::span<const double> theta_deg,
+    std::span<const std::vector<double>> share) {
+  std::vector<Momenta> momenta;
+  for (std::size_t p = 0; p < share.size(); ++p) momenta.emplace_back(static_cast<int>(p), n);
+  struct Ray {
+    double momentum, share;
+  };
+  std::vector<Ray> rays;
+  std::vector<double> errors;
+  for (std::size_t t = 0; t < theta_deg.size(); ++t) {
+    constexpr double faint = 1e-4;
+    rays.clear();
+    for (std::size_t p = 0; p < share.size(); ++p) {
+      if (share[p][t] < faint) continue;
+      const std::vector<double> found = momenta[p].at(theta_deg[t] * radians_per_degree);
+      for (const double momentum : found)
+        rays.push_back({momentum, share[p][t] / static_cast<double>(found.size())});
+    }
+    double squares = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i)
+      for (std::size_t j = 0; j < i; ++j)
+        squares += 2 * rays[i].share * rays[j].share * std::pow(left(rays[i].momentum, rays[j].momentum), 2);
+    errors.push_back(std::sqrt(squares));
   }
-
-private:
-  double x_, background_;
-};
+  return errors;
+}
 
 /// Where forward diffraction is looked at [deg].
 constexpr double forward_deg = 30;
 
-/// Errors about the forward peak: of averaging it over the sun along theta alone, or of leaving it out.
-double forward_error(
-    double size_parameter, double theta_deg, double background, double diameter_deg, const ByRows* mean) {
-  const ForwardPeak peak(size_parameter, background);
+/// Amplitude of forward diffraction by a sphere's shadow over x.
+double forward_amplitude(double size_parameter, double theta_deg) {
+  const double z = size_parameter * std::sin(std::abs(theta_deg) * radians_per_degree);
+  if (z < 1e-6) return size_parameter / 2;
+  constexpr double far = 25; // where two terms are good to 1e-4
+  const double J1 =
+      z < far ? std::cyl_bessel_j(1.0, z)
+              : std::sqrt(2 / (pi * z)) * (std::cos(z - 0.75 * pi) - 3 / (8 * z) * std::sin(z - 0.75 * pi));
+  return size_parameter * J1 / z;
+}
+
+/// Errors about the forward peak, per angle: of averaging it over the sun along theta alone, or of leaving it
+/// out. background: other light, |S|^2 over x^2; its phase is not known, an eighth of a turn stands for all.
+std::vector<double> forward_errors(
+    double size_parameter, std::span<const double> theta_deg, std::span<const double> background,
+    double diameter_deg, const ByRows* by_rows) {
   // Rings come and go within the disc: the mean square of some places.
-  std::vector<double> places, theta;
-  for (int i = -2; i <= 2; ++i) places.push_back(std::max(theta_deg + i * diameter_deg / 16, 0.0));
+  constexpr int reach = 2, places_each = 2 * reach + 1;
+  std::vector<double> places, amplitude, intensity, errors;
+  for (const double theta : theta_deg)
+    for (int i = -reach; i <= reach; ++i) places.push_back(std::max(theta + i * diameter_deg / 16, 0.0));
   const exact::SunDisc disc(places, diameter_deg, exact::SunDisc::level_for(size_parameter));
-  std::vector<double> values;
-  for (const double at : disc.grid_deg()) values.push_back(peak(at));
-  double squares = 0;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const double error = (mean ? (*mean)(places[i], peak) : background) / disc.mean(i, values) - 1;
-    squares += error * error;
+  const auto S = [&](double at) { return forward_amplitude(size_parameter, at); };
+  for (const double at : disc.grid_deg()) {
+    amplitude.push_back(S(at));
+    intensity.push_back(amplitude.back() * amplitude.back());
   }
-  return std::sqrt(squares / static_cast<double>(places.size()));
+  for (std::size_t t = 0; t < theta_deg.size(); ++t) {
+    const double beat = std::sqrt(2 * background[t]);
+    double squares = 0;
+    for (std::size_t i = t * places_each; i < (t + 1) * places_each; ++i) {
+      const double truth = disc.mean(i, intensity) + beat * disc.mean(i, amplitude) + background[t];
+      const double found =
+          by_rows ? (*by_rows)(places[i], [&](double at) { return S(at) * (S(at) + beat); }) : 0;
+      squares += std::pow((found + background[t]) / truth - 1, 2);
+    }
+    errors.push_back(std::sqrt(squares / places_each));
+  }
+  return errors;
 }
 
 } // namespace
@@ -340,62 +379,49 @@ ErrorModel::ErrorModel(
           size_parameter_, index, request.theta_deg, std::max(last_order, table_orders.back()),
           bow_shift_deg(request.shape), request.threads) {
   in_tables_ = truncation_.error(table_orders);
-  const std::size_t angles = theta_deg_.size();
-  const double n = index.real(), disc_deg = request.sun_disc_deg;
+  const double n = index.real(), cross_section = cross_section_error(size_parameter_, index);
+  for (const double theta : theta_deg_)
+    common_.push_back(std::hypot(cross_section, faint_edges_error(size_parameter_, n, theta)));
+  for (int p = 0; p <= last_order; ++p) by_patches_.push_back(truncation_.share(p));
+  disc_.assign(theta_deg_.size(), 0.0);
+  std::optional<ByRows> by_rows;
+  if (request.sun_disc_deg > 0) {
+    wavefront::Wanted wanted = wanted_of(request);
+    wanted.filter_sigma_deg = 0; // rows are as near to each other at least
+    const bool axisymmetric = request.shape.is_sphere() || request.sun_elevation_deg == 90;
+    by_rows.emplace(
+        request.sun_disc_deg,
+        wavefront::make_layout(wanted, tracing_of(request), axisymmetric, last_order).spacing_deg);
+    disc_ = ripple_errors(
+        RippleLeft(*by_rows, request.sun_disc_deg, size_parameter_), n, theta_deg_, by_patches_);
+  }
   // Flat drops leave more to the patches.
   const bool flat = bow_shift_deg(request.shape) > 0.01;
-  by_patches_.assign(last_order + 1, {});
-  struct Ray {
-    double momentum, share;
-  };
-  std::vector<std::vector<Ray>> rays(disc_deg > 0 ? angles : 0);
   for (int p = 0; p <= last_order; ++p) {
-    by_patches_[p] = truncation_.share(p);
     const KeptByPatches kept(p, n, size_parameter_, flat ? 8 : 30, flat ? 12 : 40);
-    const Momenta momenta(p, n);
-    for (std::size_t t = 0; t < angles; ++t) {
-      if (disc_deg > 0 && by_patches_[p][t] > 1e-4) {
-        const std::vector<double> found = momenta.at(theta_deg_[t] * radians_per_degree);
-        for (const double momentum : found)
-          rays[t].push_back({momentum, by_patches_[p][t] / static_cast<double>(found.size())});
-      }
-      by_patches_[p][t] *= kept(theta_deg_[t]);
+    for (std::size_t t = 0; t < theta_deg_.size(); ++t) by_patches_[p][t] *= kept(theta_deg_[t]);
+  }
+
+  no_peak_.assign(theta_deg_.size(), 0.0);
+  const auto near =
+      static_cast<std::size_t>(std::ranges::upper_bound(theta_deg_, forward_deg) - theta_deg_.begin());
+  if (near > 0) {
+    std::vector<double> background = truncation_.share(1);
+    const std::vector<double> whole = truncation_.whole();
+    for (std::size_t t = 0; t < near; ++t) background[t] *= whole[t];
+    const auto theta = std::span(theta_deg_).first(near);
+    std::ranges::copy(
+        forward_errors(size_parameter_, theta, background, exact::sun_diameter_deg, nullptr),
+        no_peak_.begin());
+    if (by_rows) {
+      const auto errors = forward_errors(size_parameter_, theta, background, request.sun_disc_deg, &*by_rows);
+      for (std::size_t t = 0; t < near; ++t) disc_[t] = std::hypot(disc_[t], errors[t]);
     }
   }
-  const double cross_section = cross_section_error(size_parameter_, index);
-  common_.assign(angles, cross_section);
-  for (std::size_t t = 0; t < angles; ++t)
-    common_[t] = std::hypot(cross_section, faint_edges_error(size_parameter_, n, theta_deg_[t]));
-  disc_.assign(angles, 0.0);
-  no_peak_.assign(angles, 0.0);
-  std::optional<ByRows> mean;
-  std::optional<RippleLeft> left;
-  if (disc_deg > 0) {
-    const bool axisymmetric = request.shape.is_sphere() || request.sun_elevation_deg == 90;
-    const wavefront::Layout rows =
-        wavefront::make_layout(wanted_of(request), tracing_of(request), axisymmetric, last_order);
-    mean.emplace(disc_deg, rows.spacing_deg);
-    left.emplace(*mean, disc_deg, size_parameter_);
-  }
-  const std::vector<double> order_1 = truncation_.share(1), whole = truncation_.whole();
-  for (std::size_t t = 0; t < angles; ++t) {
-    const double theta = theta_deg_[t];
-    double squares = 0;
-    if (left)
-      for (std::size_t i = 0; i < rays[t].size(); ++i)
-        for (std::size_t j = 0; j < i; ++j)
-          squares += 2 * rays[t][i].share * rays[t][j].share *
-                     std::pow((*left)(rays[t][i].momentum, rays[t][j].momentum), 2);
-    disc_[t] = std::sqrt(squares);
-    if (theta > forward_deg) continue;
-    const double background = order_1[t] * whole[t];
-    no_peak_[t] = forward_error(size_parameter_, theta, background, exact::sun_diameter_deg, nullptr);
-    // The average over the disc goes along theta alone, and has no rows beyond a pole.
-    if (mean && theta >= disc_deg)
-      disc_[t] = std::hypot(disc_[t], forward_error(size_parameter_, theta, background, disc_deg, &*mean));
-  }
-  for (std::size_t t = 0; t < angles; ++t)
-    if (std::min(theta_deg_[t], 180 - theta_deg_[t]) < disc_deg) disc_[t] = std::max(disc_[t], 1.0);
+  // The average over the disc goes along theta alone, and has no rows beyond a pole.
+  for (std::size_t t = 0; t < theta_deg_.size(); ++t)
+    if (std::min(theta_deg_[t], 180 - theta_deg_[t]) < request.sun_disc_deg)
+      disc_[t] = std::max(disc_[t], 1.0);
 }
 
 std::vector<double>

@@ -90,15 +90,17 @@ struct Claim {
   Diffraction diffraction;
   int last;
   double from_deg, to_deg;
+  int rays = 1000;
 };
 
 class ErrorEstimate : public testing::TestWithParam<Claim> {};
 
 TEST_P(ErrorEstimate, IsBetweenHalfAndTenTimesTheTrueError) {
-  const auto [radius, diffraction, last, from, to] = GetParam();
+  const auto [radius, diffraction, last, from, to, rays] = GetParam();
   Request request = sphere_as_drop(radius, from, to);
   request.diffraction = diffraction;
   request.orders = upto(last);
+  request.rays = rays;
   const auto found = phase::compute(request);
   request.shape = drop::sphere(radius);
   request.method = Method::mie;
@@ -121,7 +123,28 @@ INSTANTIATE_TEST_SUITE_P(
         Claim{0.1e-3, Diffraction::integral, 8, 100, 115}, Claim{0.4e-3, Diffraction::integral, 3, 137, 150},
         Claim{0.4e-3, Diffraction::integral, 8, 130, 137}, Claim{0.4e-3, Diffraction::integral, 12, 137, 150},
         Claim{0.1e-3, Diffraction::gaussian, 3, 137, 150}, Claim{0.4e-3, Diffraction::gaussian, 8, 130, 137},
-        Claim{0.4e-3, Diffraction::none, 3, 40, 100}));
+        Claim{0.4e-3, Diffraction::none, 3, 40, 100},
+        // Few rays do not matter where the integral is.
+        Claim{0.4e-3, Diffraction::integral, 8, 137, 150, 50},
+        // The sun's disc next to the forward peak; forward diffraction left out.
+        Claim{0.1e-3, Diffraction::integral, 8, 0.6, 2}, Claim{0.1e-3, Diffraction::none, 3, 1, 5},
+        // A filter as wide as that of order 8.
+        Claim{0.1e-3, Diffraction::gaussian, 8, 130, 137},
+        // Small drops: the cross section, and orders beyond use.
+        Claim{0.03e-3, Diffraction::integral, 20, 30, 120}));
+
+TEST(CrossSection, OfADropThatHardlyBendsLightIsInTheEstimate) {
+  Request request = sphere_as_drop(0.2e-3, 130, 140);
+  request.diffraction = Diffraction::integral;
+  request.index = parse_index_source("1.005");
+  const auto found = phase::compute(request);
+  request.shape = drop::sphere(0.2e-3);
+  request.method = Method::mie;
+  const double off =
+      found.slabs[0].scattering_cross_section / phase::compute(request).slabs[0].scattering_cross_section - 1;
+  EXPECT_GT(off, 0.03);
+  EXPECT_GT(root_mean_square(found.slabs[0].error_estimate), 0.9 * off);
+}
 
 TEST(Tolerance, SpendsMoreOnASmallerTolerance) {
   Request request = raindrop();

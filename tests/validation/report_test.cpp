@@ -67,7 +67,7 @@ TEST_F(QuickReport, HoldsEveryCaseAndSaysThatItIsQuick) {
   EXPECT_THAT(
       names, ElementsAre(
                  "sphere", "figure-3.12", "figure-3.7", "energy", "bow-angles", "integral", "drops", "pareto",
-                 "hard-cases", "exact", "fiber-dual", "fiber-waves"));
+                 "estimate", "hard-cases", "exact", "fiber-dual", "fiber-waves"));
   EXPECT_THAT(outcome->errors, IsEmpty());
 }
 
@@ -97,7 +97,7 @@ TEST_F(QuickReport, SphereErrorsAreThoseOfTheMethod) {
   for (const auto& entry : find("sphere")["summary"])
     if (entry["average"] == "sun-disc")
       found[{entry["radius_m"], entry["region_deg"][0], entry["diffraction"]}] = entry;
-  ASSERT_EQ(found.size(), 2U * 6 * 2);
+  ASSERT_EQ(found.size(), 2U * 7 * 2);
   const auto rms = [&](double radius, double from, const char* diffraction) {
     return found.at({radius, from, diffraction})["intensity_rms"].get<double>();
   };
@@ -115,7 +115,8 @@ TEST_F(QuickReport, SphereErrorsAreThoseOfTheMethod) {
   EXPECT_EQ(rms(0.4e-3, 30, "none"), rms(0.4e-3, 30, "gaussian"));
   EXPECT_NE(rms(0.4e-3, 137, "none"), rms(0.4e-3, 137, "gaussian"));
   for (const auto& [key, entry] : found) {
-    EXPECT_GT(entry["intensity_rms"].get<double>(), 0.01) << entry;
+    // Between the forward peak and the grazing rays nearly all light is one order's.
+    EXPECT_GT(entry["intensity_rms"].get<double>(), std::get<1>(key) == 15 ? 0.001 : 0.01) << entry;
     EXPECT_LT(entry["intensity_rms"].get<double>(), 1) << entry;
     EXPECT_LT(entry["polarisation_rms"].get<double>(), 0.3) << entry;
     EXPECT_GE(entry["intensity_max"].get<double>(), entry["intensity_rms"].get<double>());
