@@ -325,6 +325,9 @@ std::vector<double> ripple_errors(
   return errors;
 }
 
+/// In the second region of tables/accuracy/patches.csv, where forward diffraction is faint.
+constexpr double beside_peak_deg = 16;
+
 /// Where forward diffraction is looked at [deg].
 constexpr double forward_deg = 30;
 
@@ -435,7 +438,10 @@ ErrorModel::estimate(Diffraction diffraction, int rays, std::span<const int> ord
   }
   const double grid = grid_error(size_parameter_, rays);
   for (std::size_t t = 0; t < errors.size(); ++t) {
-    const double measured = measured_error(radius_m_, diffraction, theta_deg_[t]);
+    // The peak that patches lack comes on its own, by no_peak_: theirs is what they have beside it.
+    const double looked_up_deg =
+        diffraction == Diffraction::integral ? theta_deg_[t] : std::max(theta_deg_[t], beside_peak_deg);
+    const double measured = measured_error(radius_m_, diffraction, looked_up_deg);
     double own = measured, patches = 1;
     if (diffraction == Diffraction::integral) {
       patches = 0;
