@@ -22,6 +22,8 @@ using compute::OpenCL;
 using compute::with_arguments;
 
 constexpr double window_deg = 12;
+/// Momenta across the plane of scattering that the rim may add, in units of the radius.
+constexpr double most_swing = 0.3;
 /// Grids are so much larger than coarse rays ask for, and where the others need more four times that, at
 /// most so much.
 constexpr double least_slack = 0.1, most_slack = 2;
@@ -161,21 +163,25 @@ struct CubicFit {
     }
     ++count;
   }
-  [[nodiscard]] std::array<std::array<double, 4>, 2> solve() const {
+  [[nodiscard]] std::array<std::array<double, 4>, 2> solve(int degree) const {
     double m[4][6];
-    for (int i = 0; i < 4; ++i) {
-      for (int j = 0; j < 4; ++j) m[i][j] = moments[i + j];
+    for (int i = 0; i <= degree; ++i) {
+      for (int j = 0; j <= degree; ++j) m[i][j] = moments[i + j];
       m[i][i] += 1e-9 * moments[0];
       for (int v = 0; v < 2; ++v) m[i][4 + v] = values[v][i];
     }
-    for (int i = 0; i < 4; ++i)
-      for (int r = 0; r < 4; ++r) {
+    const auto take = [&](int to, int from, int column, double factor) {
+      m[to][column] -= factor * m[from][column];
+    };
+    for (int i = 0; i <= degree; ++i)
+      for (int r = 0; r <= degree; ++r) {
         if (r == i) continue;
         const double factor = m[r][i] / m[i][i];
-        for (int j = i; j < 6; ++j) m[r][j] -= factor * m[i][j];
+        for (int j = i; j <= degree; ++j) take(r, i, j, factor);
+        for (int v = 4; v < 6; ++v) take(r, i, v, factor);
       }
     std::array<std::array<double, 4>, 2> c{};
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i <= degree; ++i)
       for (int v = 0; v < 2; ++v) c[v][i] = m[i][4 + v] / m[i][i];
     return c;
   }
@@ -229,13 +235,22 @@ WindowPlan plan_window(
     if (std::abs(longitude) < end)
       fit.add(longitude / end, w.taper[0](longitude) + 0.01, at.bend, at.theta - theta);
   }
-  if (fit.count > 3) {
-    const auto [bend, rim_at] = fit.solve();
+  // Where rays begin to tunnel out bends jump, and polynomials of the azimuth swing, which momenta across the
+  // plane of scattering would have to follow: there a lower degree.
+  for (int degree = fit.count > 3 ? 3 : -1; degree >= 0; --degree) {
+    const auto [bend, rim_at] = fit.solve(degree);
+    const double end = w.taper[0].none[1];
     for (int n = 0; n < 4; ++n) {
-      const double unit = std::pow(w.taper[0].none[1], n);
-      w.bend[n] = bend[n] / unit;
-      w.rim[n] = rim_at[n] / unit;
+      w.bend[n] = bend[n] / std::pow(end, n);
+      w.rim[n] = rim_at[n] / std::pow(end, n);
     }
+    const double farthest =
+        std::max(std::abs(w.taper[1].none[0] - w.rim[0]), std::abs(w.taper[1].none[1] - w.rim[0]));
+    double swing = 0;
+    for (int i = -4; i <= 4; ++i)
+      swing =
+          std::max(swing, 0.5 * farthest * farthest * std::abs(Reference::cubic(w.bend, 0.25 * i * end)[1]));
+    if (swing < most_swing) break;
   }
   // Cells of rays that may leave within the taper, and those at the rim with their continuation beyond it.
   std::vector<const CoarseRays::Node*> corners;
