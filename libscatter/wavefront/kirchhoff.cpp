@@ -96,8 +96,10 @@ struct Momentum {
 /// Derivatives of W = shear rho0^2 / 2 + bend(rho0) (rho1 - rim(rho0))^2 / 2.
 struct Reference {
   Reference(const Window& w, const std::array<double, 2>& rho) {
-    const auto [B, B1, B2] = cubic(w.bend, rho[0]);
-    const auto [rim, rim1, rim2] = cubic(w.rim, rho[0]);
+    // Beyond the taper, where rays have no weight, cubics are not followed.
+    const double within = std::clamp(rho[0], w.taper[0].none[0], w.taper[0].none[1]);
+    const auto [B, B1, B2] = cubic(w.bend, within);
+    const auto [rim, rim1, rim2] = cubic(w.rim, within);
     const double off = rho[1] - rim;
     slope = {w.shear * rho[0] + off * (0.5 * off * B1 - B * rim1), B * off};
     curvature = {
@@ -223,8 +225,10 @@ WindowPlan plan_window(
     if (std::abs(at_rim.rho[0]) <= half[0] + taper_end * fresnel)
       rim.push_back({at_rim.rho[1], momentum(w, before).rho[1]});
   }
-  const double full = std::min(half[0] + taper_begin * fresnel, 1.2),
-               none = std::min(half[0] + taper_end * fresnel, 1.5);
+  // Azimuths have no caustic. Faint orders need no more than this: half the rays, and 0.1 % of their peak.
+  const bool is_faint = order > 3;
+  const double full = std::min(half[0] + (is_faint ? 2.5 : taper_begin) * fresnel, 1.2),
+               none = std::min(half[0] + (is_faint ? 6 : taper_end) * fresnel, 1.5);
   w.taper[0] = {{-full, full}, {-none, none}};
   const double theta = w.latitude + 0.5 * pi;
   w.taper[1] = theta_taper(order, ka, half[1], rim, {theta - between_poles[0], between_poles[1] - theta});

@@ -136,8 +136,10 @@ kernel void spread_rays(constant double* surface, constant job_t* job, constant 
       const vector3 middle_1 = along3(scale3(cos_1, f0), sin_1, quarter);
       const vector3 side = along3(scale3(-sin_1, f0), cos_1, quarter);
       const vector3 t1 = scale3(cos_2, side), t2 = along3(scale3(cos_2, pole), -sin_2, middle_1);
-      CUBIC(B, window->bend, rho_1)
-      CUBIC(rim, window->rim, rho_1)
+      // Beyond the taper, where rays have no weight, cubics are not followed.
+      const real within = clamp(rho_1, window->taper[0].none[0], window->taper[0].none[1]);
+      CUBIC(B, window->bend, within)
+      CUBIC(rim, window->rim, within)
       const real off = rho_2 - rim, W = 0.5 * (window->shear * rho_1 * rho_1 + B * off * off);
       const real W_1 = window->shear * rho_1 + off * (0.5 * off * B_1 - B * rim_1), W_2 = B * off;
       const real W_11 =
