@@ -56,7 +56,7 @@ struct Wanted {
   /// Needs interference and exact focal lines.
   bool integral = false;
   /// The integral over windows of directions everywhere, also where one along lines of constant azimuth is
-  /// enough: slower and worse next to grazing rays, for comparisons.
+  /// enough: slower, for comparisons.
   bool integral_by_windows = false;
   double sun_disc_deg = 0; ///< angular diameter of a uniform disc that intensities are averaged over; 0: none
 };
