@@ -24,9 +24,12 @@ using compute::with_arguments;
 constexpr double window_deg = 12;
 /// Momenta across the plane of scattering that the rim may add, in units of the radius.
 constexpr double most_swing = 0.3;
-/// Grids are so much larger than coarse rays ask for, and where the others need more four times that, at
-/// most so much.
+/// Grids are larger than coarse rays ask for by the first share, and by four times as much whenever other
+/// rays fall outside, up to the second.
 constexpr double least_slack = 0.1, most_slack = 2;
+/// Tapers of orders above 3 along the azimuth, in Fresnel widths. There are no caustics in azimuth, and the
+/// orders are faint: half the rays of other tapers, and as reciprocal.
+constexpr double faint_taper_begin = 2.5, faint_taper_end = 6;
 
 Vector direction(double theta_deg, double phi_deg) {
   return {sin_deg(theta_deg) * cos_deg(phi_deg), sin_deg(theta_deg) * sin_deg(phi_deg), cos_deg(theta_deg)};
@@ -225,10 +228,9 @@ WindowPlan plan_window(
     if (std::abs(at_rim.rho[0]) <= half[0] + taper_end * fresnel)
       rim.push_back({at_rim.rho[1], momentum(w, before).rho[1]});
   }
-  // Azimuths have no caustic. Faint orders need no more than this: half the rays, and 0.1 % of their peak.
   const bool is_faint = order > 3;
-  const double full = std::min(half[0] + (is_faint ? 2.5 : taper_begin) * fresnel, 1.2),
-               none = std::min(half[0] + (is_faint ? 6 : taper_end) * fresnel, 1.5);
+  const double full = std::min(half[0] + (is_faint ? faint_taper_begin : taper_begin) * fresnel, 1.2),
+               none = std::min(half[0] + (is_faint ? faint_taper_end : taper_end) * fresnel, 1.5);
   w.taper[0] = {{-full, full}, {-none, none}};
   const double theta = w.latitude + 0.5 * pi;
   w.taper[1] = theta_taper(order, ka, half[1], rim, {theta - between_poles[0], between_poles[1] - theta});

@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-/// Internal to scatter::wavefront.
+/// Internal to scatter::wavefront: vectors of the host's own tracing.
 namespace scatter::wavefront {
 
 using Vector = std::array<double, 3>;
