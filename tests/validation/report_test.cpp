@@ -234,7 +234,7 @@ TEST(BowPeaks, AreThoseOfAiryAndOfTheirTheory) {
 
 TEST_F(QuickReport, EveryEntryHasItsTimes) {
   const auto& entries = find("sphere")["entries"];
-  EXPECT_EQ(entries.size(), 2U * 3 * 6 * 2 * 2); // radii, wavelengths, regions, filters, averages
+  EXPECT_EQ(entries.size(), 2U * 3 * 7 * 2 * 2); // radii, wavelengths, regions, filters, averages
   for (const auto& entry : entries) {
     EXPECT_GT(entry["seconds_rays"].get<double>(), 0);
     EXPECT_GT(entry["seconds_exact"].get<double>(), 0);
@@ -245,7 +245,7 @@ TEST_F(QuickReport, MoreRaysComeNearerToTheLimit) {
   std::map<double, std::map<int, double>> to_finest;
   for (const auto& row : find("sphere")["convergence"]["rows"])
     to_finest[row["region_deg"][0]][row["rays"]] = row["to_finest"]["intensity_rms"];
-  EXPECT_EQ(to_finest.size(), 6U);
+  EXPECT_EQ(to_finest.size(), 7U);
   for (const auto& [region, errors] : to_finest)
     // In the dark band hardly anything depends on the grid: there both are small.
     EXPECT_LT(errors.rbegin()->second, std::max(errors.begin()->second, 0.005)) << region;
