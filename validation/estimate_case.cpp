@@ -174,14 +174,13 @@ CaseReport run_estimate(const Settings& settings, const Progress& progress) {
            !row.claims() ? "claims nothing"
            : holds       ? "yes"
                          : "NO"});
+      // Who says that nothing is known may be wrong by 200 %, not by more.
+      worst.low = std::min(worst.low, row.ratio());
       if (!row.claims()) {
         ++worst.nothing;
-        // Who says that nothing is known may be wrong by 200 %, not by more.
-        worst.low = std::min(worst.low, row.ratio());
         continue;
       }
       ++worst.claims;
-      worst.low = std::min(worst.low, row.ratio());
       worst.high = std::max(worst.high, row.ratio());
     }
     report.checks.push_back(

@@ -67,7 +67,7 @@ MieResult solve(
   // Errors relative to the larger amplitude. Where the sum in double is not sure of the digits, it is made
   // once more, with twice as many.
   const double required = std::max(required_error(x), enough);
-  // The estimate is about twice the error, and never seen below 1.9 times.
+  // The estimate is about twice the error.
   const double limit = 1.8 * required;
   std::vector<double> errors(angles.size());
   std::vector<std::size_t> unsure;

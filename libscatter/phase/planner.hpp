@@ -17,8 +17,8 @@ struct Prediction {
 
 /// Predicts a request for rays from its settings as they stand. The error is that over the wavelengths that
 /// SampledErrors looks at. The time is a count of rays, patches, directions and windows times what each took
-/// where it was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of 3 there; kernels
-/// that the driver has not compiled yet take 10 to 30 s more.
+/// where it was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of 3 there (8 below 0.1
+/// s); kernels that the driver has not compiled yet take 10 to 30 s more.
 [[nodiscard]] Prediction predict(const Request& request, SampledErrors& errors);
 
 /// Whether the diffraction integral serves drops this small: order 0 needs a size parameter of

@@ -234,7 +234,8 @@ struct MeridianIntegral::Implementation {
         places(ring_places(coarse, order, pi * wave, all)), program(rays, light, order, places) {
     if (all.empty()) return;
     rings = make_rings(program, workers, pi * wave, places);
-    const References references(rings, places, program.outline(), pi * wave);
+    const References references(
+        rings, places, program.outline(), rim_bends(coarse, order, pi * wave), pi * wave);
     // What is not served is left to others.
     const std::size_t rows = layout.theta_deg.size();
     side_by_side(workers, all.size(), [&](std::size_t, std::size_t i) {

@@ -17,8 +17,10 @@ constexpr double cost_of_twist = 0.2;
 
 } // namespace
 
-References::References(std::span<const Ring> rings, const Places& places, const Outline& outline, double ka)
-    : steepest_(1.3 * places.steepest) {
+References::References(
+    std::span<const Ring> rings, const Places& places, const Outline& outline, std::vector<RimBend> rim,
+    double ka)
+    : steepest_(1.3 * places.steepest), rim_(std::move(rim)) {
   for (std::size_t r = 0; r < places.first_beyond; ++r) {
     const Ring& ring = rings[r];
     const double alpha = places.at[r], from_rim = 0.5 * pi - alpha;
@@ -56,56 +58,26 @@ References::References(std::span<const Ring> rings, const Places& places, const 
       change.from_grazing = std::sqrt(std::max(change.from_rim * change.from_rim - last * last, 0.0));
     std::erase_if(changes, [&](const Change& change) { return change.from_grazing < std::cbrt(1 / ka); });
   }
-  const Ring& last = rings[places.first_beyond - 1];
-  if (last.state() == Ring::State::none) return;
-  const int count = last.azimuths();
-  for (int j = 0; j < count; ++j)
-    rim_.push_back(
-        {last.psi(j) + last.sample(turned, j), last.sample(theta_of, j),
-         last.sample(determinant, j) / last.sample(spreading, j), last.sample(foci, j) < 0});
-  // Where rays begin to tunnel out quotients have poles: medians of those that do likewise pass them by.
-  const std::vector<Rim> as_traced = rim_;
-  for (int j = 0; j < count; ++j) {
-    std::vector<double> nearby;
-    for (int i = -count / 42; i <= count / 42; ++i)
-      if (const Rim& other = as_traced[(j + i + count) % count];
-          other.tunnels == as_traced[j].tunnels && std::isfinite(other.bend))
-        nearby.push_back(other.bend);
-    if (nearby.empty()) nearby.push_back(0);
-    const auto middle = nearby.begin() + static_cast<std::ptrdiff_t>(nearby.size() / 2);
-    std::ranges::nth_element(nearby, middle);
-    rim_[j].bend = *middle;
-  }
-}
-
-double References::bend_of_rays(std::span<const Change> changes) {
-  double rays = 0, p = 0, q = 0, pq = 0, qq = 0;
-  for (const Change& change : changes | std::views::filter(&Change::is_next_to_rim)) {
-    ++rays;
-    p += change.of_momentum;
-    q += change.of_theta;
-    pq += change.of_momentum * change.of_theta;
-    qq += change.of_theta * change.of_theta;
-  }
-  const double spread = rays * qq - q * q;
-  return spread > 0 ? (rays * pq - p * q) / spread : 0;
 }
 
 Reference References::at_rim(double phi) const {
-  const auto apart = [&](const Rim& rim) {
+  const auto apart = [&](const RimBend& rim) {
     const double a = phi - rim.azimuth;
     return a - 2 * pi * std::rint(a / (2 * pi));
   };
   for (std::size_t j = 0; j < rim_.size(); ++j) {
-    const Rim &before = rim_[j], &after = rim_[(j + 1) % rim_.size()];
+    const RimBend &before = rim_[j], &after = rim_[(j + 1) % rim_.size()];
     const double a = apart(before), b = apart(after);
     if (a < 0 || b >= 0 || a - b > 1) continue;
     double share = a / (a - b);
     if (before.tunnels != after.tunnels) share = std::rint(share);
-    // Behind rays that tunnel out the bend is that of the first ones that do not: momenta over directions are
-    // a line there.
-    if ((share < 0.5 ? before : after).tunnels)
-      return {(1 - share) * before.theta + share * after.theta, bend_of_rays(changes_[knot_at(phi)]), 0};
+    // Behind rays that tunnel out that of the rays of this azimuth, which are closer than coarse ones.
+    if ((share < 0.5 ? before : after).tunnels) {
+      LineFit fit;
+      for (const Change& change : changes_[knot_at(phi)] | std::views::filter(&Change::is_next_to_rim))
+        fit.add(change.of_theta, change.of_momentum);
+      return {(1 - share) * before.theta + share * after.theta, fit.slope().value_or(0), 0};
+    }
     return {
         (1 - share) * before.theta + share * after.theta, (1 - share) * before.bend + share * after.bend, 0};
   }

@@ -14,7 +14,9 @@ namespace scatter::wavefront {
 /// References by azimuth.
 class References {
 public:
-  References(std::span<const Ring> rings, const Places& places, const Outline& outline, double ka);
+  References(
+      std::span<const Ring> rings, const Places& places, const Outline& outline, std::vector<RimBend> rim,
+      double ka);
 
   /// One for which the momentum of all rays that a stretch takes at this azimuth grows with the angle of
   /// incidence; none if there is none.
@@ -35,17 +37,10 @@ private:
     const int knot = static_cast<int>(std::lrint(phi / (2 * pi) * knots)) % knots;
     return knot < 0 ? knot + knots : knot;
   }
-  /// By least squares, of rays by angle of incidence.
-  [[nodiscard]] static double bend_of_rays(std::span<const Change> changes);
-  /// At the rim.
-  struct Rim {
-    double azimuth = 0, theta = 0, bend = 0;
-    bool tunnels = false;
-  };
 
   double steepest_; ///< change of momentum per angle times the angle between ray and direction, at most
   std::array<std::vector<Change>, knots> changes_; ///< ring by ring, but for those that tunnel
-  std::vector<Rim> rim_;                           ///< none: its rays go elsewhere
+  std::vector<RimBend> rim_;                       ///< by azimuth of impact
 };
 
 } // namespace scatter::wavefront

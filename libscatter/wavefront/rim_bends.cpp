@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace scatter::wavefront {
 
@@ -27,20 +28,19 @@ std::vector<RimBend> rim_bends(const CoarseRays& coarse, int order, double ka) {
     return Change{X[0] * phi[1] - X[1] * phi[0], theta[0] * phi[1] - theta[1] * phi[0]};
   };
   const auto azimuth = [](const CoarseRays::Node& n) { return std::atan2(n.direction[1], n.direction[0]); };
-  struct Found : RimBend {
-    bool tunnels;
-  };
-  std::vector<Found> found;
+  constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
+  std::vector<RimBend> found;
   for (int j = 0; j < CoarseRays::azimuths; ++j) {
     const CoarseRays::Node& rim = coarse.node(order, CoarseRays::alphas, j);
     if (!rim.goes_out()) continue;
-    double bend = 0;
+    double bend = nothing;
     if (rim.valid) {
       const Change at_rim = change(rim);
       bend = at_rim.of_momentum / at_rim.of_theta;
     } else {
       // Of the first rays that do not tunnel out: momenta over directions are a line there.
-      double last = -1, rays = 0, p = 0, q = 0, pq = 0, qq = 0;
+      double last = -1;
+      LineFit fit;
       for (int a = CoarseRays::alphas - 1; a > 0; --a) {
         const CoarseRays::Node& n = coarse.node(order, a, j);
         if (!n.valid) continue;
@@ -57,32 +57,26 @@ std::vector<RimBend> rim_bends(const CoarseRays& coarse, int order, double ka) {
         const Change here = change(n);
         // By angle of incidence, in units of what the momentum changes by on a sphere.
         const double unit = std::sin(a * cell) / turning;
-        const double of_momentum = unit * here.of_momentum, of_theta = unit * here.of_theta;
-        ++rays;
-        p += of_momentum;
-        q += of_theta;
-        pq += of_momentum * of_theta;
-        qq += of_theta * of_theta;
+        fit.add(unit * here.of_theta, unit * here.of_momentum);
       }
-      const double spread = rays * qq - q * q;
-      if (rays < 3 || !(spread > 0)) continue;
-      bend = (rays * pq - p * q) / spread;
+      bend = fit.slope().value_or(nothing);
     }
-    if (std::isfinite(bend))
-      found.push_back({{azimuth(rim), std::acos(std::clamp(rim.direction[2], -1.0, 1.0)), bend}, !rim.valid});
+    found.push_back({azimuth(rim), std::acos(std::clamp(rim.direction[2], -1.0, 1.0)), bend, !rim.valid});
   }
   // Where rays begin to tunnel out quotients have poles: medians of those that do likewise pass them by.
-  std::vector<RimBend> bends;
+  std::vector<RimBend> bends = found;
   const auto count = static_cast<std::ptrdiff_t>(found.size()),
              reach = std::min<std::ptrdiff_t>(6, count / 2);
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     std::vector<double> nearby;
     for (std::ptrdiff_t k = i - reach; k <= i + reach; ++k)
-      if (const Found& other = found[(k + count) % count]; other.tunnels == found[i].tunnels)
+      if (const RimBend& other = found[(k + count) % count];
+          other.tunnels == found[i].tunnels && std::isfinite(other.bend))
         nearby.push_back(other.bend);
+    if (nearby.empty()) nearby.push_back(0);
     const auto middle = nearby.begin() + static_cast<std::ptrdiff_t>(nearby.size() / 2);
     std::ranges::nth_element(nearby, middle);
-    bends.push_back({found[i].azimuth, found[i].theta, *middle});
+    bends[i].bend = *middle;
   }
   return bends;
 }
