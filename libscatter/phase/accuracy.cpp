@@ -30,6 +30,11 @@ double gaussian_filter_width_deg(double radius_m) {
   return table.interpolate(radius_mm)[0];
 }
 
+double bow_shift_deg(const drop::Shape& shape) {
+  const double ratio = shape.axis_ratio(), e = std::abs(1 - ratio) / (1 + ratio);
+  return std::min(4.599 * e / radians_per_degree, 15.0);
+}
+
 namespace {
 
 /// One column of an accuracy table: "gaussian 137..150" holds errors between these angles, per radius.
@@ -109,13 +114,6 @@ double wide_filter_error(double radius_m) {
 /// it adds: orders above 12 at x = 290, above 20 at x = 970.
 int last_useful_order(double size_parameter) {
   return static_cast<int>(12 * std::sqrt(size_parameter / 290));
-}
-
-/// How far a drop's bows may lie from the sphere's [deg]: Moebius's shift of the primary, (Moebius 1910), for
-/// its axis ratio.
-double bow_shift_deg(const drop::Shape& shape) {
-  const double ratio = shape.axis_ratio(), e = std::abs(1 - ratio) / (1 + ratio);
-  return std::min(4.599 * e / radians_per_degree, 15.0);
 }
 
 /// The error of what a grid of patches carries: measured on spheres of 0.1 to 1 mm at 137..150 deg, 400 to

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-/// How wrong a table made with rays is.
+/// Guesses how wrong a table made with rays will be.
 namespace scatter::phase {
 
 /// Width of the dissertation's Gaussian diffraction filter [deg] for a drop's radius: table 3.3, linear
@@ -16,13 +16,18 @@ namespace scatter::phase {
 /// itself do.
 [[nodiscard]] double gaussian_filter_width_deg(double radius_m);
 
-/// Predicts relative errors of the intensity averaged over the sun's disc, per scattering angle, at one
-/// wavelength: root of the sum of squares of
+/// How far a drop's bows may lie from the sphere's [deg]: Moebius's shift of the primary (Moebius 1910), for
+/// its axis ratio; 15 at most.
+[[nodiscard]] double bow_shift_deg(const drop::Shape& shape);
+
+/// Guesses relative errors of the intensity averaged over the sun's disc, per scattering angle, at one
+/// wavelength, for many settings at once: it ranks them, and SphereTrial judges the one that is chosen. Root
+/// of the sum of squares of
 /// - what leaving orders out costs, on the exact sphere of equal volume (Truncation), at bows shifted as the
 ///   drop's may be; orders of small drops that the integral cannot make count as left out;
-/// - what the method costs, as measured on spheres against exact theory, per region of scattering angle and
-///   radius (tables/accuracy, from `scatter validate`); without the integral also the forward peak, which
-///   is then absent;
+/// - what the method costs, as measured on spheres of water against exact theory, per region of scattering
+///   angle and radius (tables/accuracy, from `scatter validate`); without the integral also the forward peak,
+///   which is then absent;
 /// - what the spacing of rays costs where patches carry light: with the integral, away from bows and grazing
 ///   rays;
 /// - what the scattering cross section by rays, which the phase function is divided by, is off from
@@ -30,10 +35,8 @@ namespace scatter::phase {
 /// - with a sun's disc, what its average along theta alone, on rows that may be too far apart for the ripple,
 ///   makes of the light of that sphere; 1 at least nearer to 0 and 180 deg than its diameter.
 ///
-/// On spheres its rms over a region is 0.5 to 10 times the true error (`scatter validate --case estimate`).
-/// 1 or more claims nothing, and may lie further above: behind 165 deg with the integral, 178 deg without,
-/// and for the Gaussian filter with orders above 3. Errors of single tables without the sun's disc are larger
-/// where fringes are finer than it.
+/// On spheres its rms over a region is 0.5 to 10 times the true error in nine of ten regions
+/// (`scatter validate --case estimate`); drops that absorb are better than it says.
 class ErrorModel {
 public:
   /// last_order: the highest that estimate() may be asked about.

@@ -216,6 +216,15 @@ const char* option_of_patches(const Request& request) {
   return request.per_order ? "--per-order" : nullptr;
 }
 
+/// Settings are tried before memory is counted, and need a device, too.
+Choice chosen(const Request& request, SampledErrors& errors) {
+  try {
+    return choose_settings(request, errors);
+  } catch (const compute::DeviceError& error) {
+    throw InputError(error.what());
+  }
+}
+
 } // namespace
 
 Plan plan(const Request& request) {
@@ -258,7 +267,7 @@ Plan plan(const Request& request) {
   if (made.method == Method::patches)
     made.errors = std::make_shared<SampledErrors>(request, made.header.index);
   if (request.tolerance > 0 && made.method == Method::patches) {
-    Choice choice = choose_settings(request, *made.errors);
+    Choice choice = chosen(request, *made.errors);
     made.request = std::move(choice.request);
     made.reasons = std::move(choice.explanation);
     made.header = make_header(made.request, made.method);
@@ -279,7 +288,11 @@ Prediction predict(const Plan& plan) {
                              (request.sun_disc_deg > 0 ? 30 : 1));
     return {1e-9, seconds, 0.05, 0};
   }
-  return predict(plan.request, *plan.errors);
+  try {
+    return predict(plan.request, *plan.errors);
+  } catch (const compute::DeviceError& error) {
+    throw RunError(error.what());
+  }
 }
 
 void ErrorSum::add(std::span<const double> errors) {

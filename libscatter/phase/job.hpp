@@ -30,7 +30,8 @@ struct Plan {
 /// OpenCL device with fp64.
 [[nodiscard]] Plan plan(const Request& request);
 
-/// What the plan will cost, by the models of planner.hpp. Computes the errors if nothing has yet.
+/// What the plan will cost, see planner.hpp. Computes the errors if nothing has yet. Throws RunError if the
+/// device fails.
 [[nodiscard]] Prediction predict(const Plan& plan);
 
 /// What a run came to.

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -97,7 +98,10 @@ bool integral_fits(const Request& request) {
          2 * pi * request.shape.radius_m / longest_m >= wavefront::smallest_size_with_shadow;
 }
 
-Prediction predict(const Request& request, SampledErrors& errors) {
+namespace {
+
+/// All of a prediction but the error.
+Prediction time_of(const Request& request) {
   const double columns = distinct_columns(request), rows = static_cast<double>(request.theta_deg.size());
   const double orders = request.orders.back() + 1,
                wavelengths = static_cast<double>(request.wavelength_m.size());
@@ -126,6 +130,13 @@ Prediction predict(const Request& request, SampledErrors& errors) {
   Prediction made;
   made.seconds = (once + each * wavelengths) / cores;
   made.starting_seconds = starting_seconds;
+  return made;
+}
+
+} // namespace
+
+Prediction predict(const Request& request, SampledErrors& errors) {
+  Prediction made = time_of(request);
   made.error = errors.mean(request.diffraction, request.rays, request.orders);
   made.judging_seconds = errors.seconds();
   return made;
@@ -135,12 +146,13 @@ namespace {
 
 struct Candidate {
   Request request;
-  Prediction expected;
+  Prediction expected; ///< its error: guessed, or found by trial
+  bool tried = false;
 };
 
 /// All open settings with orders up to the highest, cheapest first.
 std::vector<Candidate> candidates(const Request& request, SampledErrors& errors, int highest) {
-  errors.provide(request.open.orders ? highest : request.orders.back());
+  if (!request.open.orders) highest = request.orders.back();
   std::vector<Diffraction> filters{request.diffraction};
   if (request.open.diffraction) {
     filters = {Diffraction::gaussian};
@@ -164,11 +176,12 @@ std::vector<Candidate> candidates(const Request& request, SampledErrors& errors,
       // One filter serves all orders: as wide as the highest needs, it blurs the bows of the low ones.
       if (filter == Diffraction::gaussian && orders.back() > 3 && request.open.diffraction) continue;
       for (const int rays : grids) {
-        Candidate c{request, {}};
+        Candidate c{request, {}, false};
         c.request.diffraction = filter;
         c.request.orders = orders;
         c.request.rays = rays;
-        c.expected = predict(c.request, errors);
+        c.expected = time_of(c.request);
+        c.expected.error = errors.guess(filter, rays, orders, highest);
         all.push_back(std::move(c));
       }
     }
@@ -193,8 +206,9 @@ std::string what_bars_better(const Request& request) {
   return "";
 }
 
-const Candidate& most_accurate(const std::vector<Candidate>& all, std::optional<Diffraction> filter = {}) {
-  return *std::ranges::min_element(all, {}, [&](const Candidate& c) {
+std::vector<Candidate>::iterator
+most_accurate(std::vector<Candidate>& all, std::optional<Diffraction> filter = {}) {
+  return std::ranges::min_element(all, {}, [&](const Candidate& c) {
     return filter && c.request.diffraction != *filter ? 1e300 : c.expected.error;
   });
 }
@@ -204,15 +218,29 @@ const Candidate& most_accurate(const std::vector<Candidate>& all, std::optional<
 Choice choose_settings(const Request& request, SampledErrors& errors) {
   std::vector<Candidate> all;
   auto found = all.end();
-  // Few orders first: to judge many takes seconds.
+  const auto is_good = [&](Candidate& c) {
+    c.expected = predict(c.request, errors);
+    c.tried = true;
+    return c.expected.error <= request.tolerance;
+  };
+  // Few orders first: to guess at many takes seconds.
   for (const int highest : {8, 30}) {
     all = candidates(request, errors, highest);
-    found =
-        std::ranges::find_if(all, [&](const Candidate& c) { return c.expected.error <= request.tolerance; });
+    // What one trial says about a filter's guesses goes for dearer settings, too: not all are to be tried.
+    std::map<Diffraction, double> trial_over_guess;
+    for (found = all.begin(); found != all.end(); ++found) {
+      const double guess = found->expected.error;
+      double& off = trial_over_guess.try_emplace(found->request.diffraction, 1.0).first->second;
+      if (guess * off > request.tolerance) continue;
+      if (is_good(*found)) break;
+      off = std::max(1.0, 0.8 * found->expected.error / guess);
+    }
+    if (found == all.end())
+      if (const auto best = most_accurate(all); !best->tried && is_good(*best)) found = best;
     if (found != all.end() || !request.open.orders) break;
   }
   if (found == all.end()) {
-    const Candidate& best = most_accurate(all);
+    const Candidate& best = *most_accurate(all);
     throw InputError(fmt::format(
         "--tolerance: {:.3g} % is out of reach for these directions; the best is {:.2g} % with {}: ask for "
         "that{}",
@@ -223,16 +251,17 @@ Choice choose_settings(const Request& request, SampledErrors& errors) {
   std::string& text = choice.explanation;
   const auto line = [&](const Candidate& c, const char* verdict) {
     text += fmt::format(
-        "{:9.3g} % {:9.3g} s  {}: {}\n", 100 * c.expected.error,
-        c.expected.seconds + c.expected.starting_seconds, settings_text(c.request), verdict);
+        "{:9.3g} % {:9.3g} s  {}: {}{}\n", 100 * c.expected.error,
+        c.expected.seconds + c.expected.starting_seconds, settings_text(c.request), verdict,
+        c.tried ? "" : " (guessed)");
   };
   text += fmt::format(
-      "considered for {:.3g} %: predicted error (root mean square over theta) and time\n",
+      "considered for {:.3g} %: error on the sphere of equal volume (root mean square over theta) and time\n",
       100 * request.tolerance);
   for (const Diffraction filter : {Diffraction::none, Diffraction::gaussian, Diffraction::integral})
-    if (const Candidate& best = most_accurate(all, filter);
-        filter != found->request.diffraction && best.request.diffraction == filter)
-      line(best, "the most accurate of its kind");
+    if (const auto best = most_accurate(all, filter);
+        filter != found->request.diffraction && best->request.diffraction == filter)
+      line(*best, "the most accurate of its kind");
   if (found != all.begin()) line(*std::prev(found), "the next cheaper, not good enough");
   line(*found, "chosen, the cheapest that is good enough");
   text.pop_back();

@@ -15,8 +15,8 @@ struct Prediction {
   double judging_seconds = 0;  ///< wall time that the errors took: measured, not predicted
 };
 
-/// Predicts a request for rays from its settings as they stand. The error is that over the wavelengths that
-/// SampledErrors looks at. The time is a count of rays, patches, directions and windows times what each took
+/// Predicts a request for rays from its settings as they stand. The error is what SampledErrors finds by
+/// trial. The time is a count of rays, patches, directions and windows times what each took
 /// where it was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of 3 there (8 below 0.1
 /// s); kernels that the driver has not compiled yet take 10 to 30 s more.
 [[nodiscard]] Prediction predict(const Request& request, SampledErrors& errors);
@@ -32,9 +32,9 @@ struct Choice {
   std::string explanation; ///< lines of text: what was considered, with error and time
 };
 
-/// For a drop that needs rays: the cheapest of filters, orders 0..last and numbers of rays whose predicted
-/// error is within request.tolerance. Throws InputError with the best that is possible when none is, saying
-/// how it is reached.
+/// For a drop that needs rays: the cheapest of filters, orders 0..last and numbers of rays whose error,
+/// guessed and then tried, is within request.tolerance. Throws InputError with the best that is possible when
+/// none is, saying how it is reached.
 [[nodiscard]] Choice choose_settings(const Request& request, SampledErrors& errors);
 
 } // namespace scatter::phase

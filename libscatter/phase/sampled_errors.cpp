@@ -7,6 +7,24 @@
 #include <utility>
 
 namespace scatter::phase {
+namespace {
+
+/// Adds its lifetime to a sum of seconds.
+class Stopwatch {
+public:
+  explicit Stopwatch(double& seconds) : seconds_(seconds) {}
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+  ~Stopwatch() {
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+private:
+  double& seconds_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+} // namespace
 
 SampledErrors::SampledErrors(Request request, std::span<const std::complex<double>> index)
     : request_(std::move(request)) {
@@ -26,30 +44,53 @@ std::size_t SampledErrors::nearest(double wavelength_m) const {
       samples_.begin());
 }
 
-void SampledErrors::provide(int last_order) {
-  if (last_order <= provided_) return;
-  const auto start = std::chrono::steady_clock::now();
-  models_.clear();
-  for (const Sample& sample : samples_)
-    models_.emplace_back(request_, sample.wavelength_m, sample.index, last_order);
-  provided_ = last_order;
-  seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+double SampledErrors::mean_of(const Errors& errors) const {
+  double squares = 0;
+  for (std::size_t s = 0; s < samples_.size(); ++s) {
+    const double error = root_mean_square(errors[s]);
+    squares += static_cast<double>(samples_[s].stands_for) * error * error;
+  }
+  return std::sqrt(squares / static_cast<double>(request_.wavelength_m.size()));
+}
+
+double SampledErrors::guess(Diffraction diffraction, int rays, std::span<const int> orders, int highest) {
+  const Stopwatch watch(seconds_);
+  if (highest > highest_modelled_) {
+    models_.clear();
+    for (const Sample& sample : samples_)
+      models_.emplace_back(request_, sample.wavelength_m, sample.index, highest);
+    highest_modelled_ = highest;
+  }
+  Errors errors;
+  for (const ErrorModel& model : models_) errors.push_back(model.estimate(diffraction, rays, orders));
+  return mean_of(errors);
+}
+
+const SampledErrors::Errors&
+SampledErrors::tried(Diffraction diffraction, int rays, std::span<const int> orders) {
+  Settings settings{diffraction, rays, {orders.begin(), orders.end()}};
+  if (const auto known = tried_.find(settings); known != tried_.end()) return known->second;
+  const Stopwatch watch(seconds_);
+  if (!trial_) {
+    std::vector<wavefront::Light> lights;
+    for (const Sample& sample : samples_) lights.push_back({sample.wavelength_m, sample.index});
+    trial_.emplace(request_, lights);
+  }
+  Errors errors = trial_->errors(diffraction, rays, orders);
+  for (std::vector<double>& of_sample : errors)
+    for (std::size_t t = 0; t < of_sample.size(); ++t)
+      if (std::min(request_.theta_deg[t], 180 - request_.theta_deg[t]) < request_.sun_disc_deg)
+        of_sample[t] = std::max(of_sample[t], 1.0);
+  return tried_.emplace(std::move(settings), std::move(errors)).first->second;
 }
 
 std::vector<double>
 SampledErrors::estimate(double wavelength_m, Diffraction diffraction, int rays, std::span<const int> orders) {
-  provide(orders.back());
-  return models_[nearest(wavelength_m)].estimate(diffraction, rays, orders);
+  return tried(diffraction, rays, orders)[nearest(wavelength_m)];
 }
 
 double SampledErrors::mean(Diffraction diffraction, int rays, std::span<const int> orders) {
-  provide(orders.back());
-  double squares = 0;
-  for (std::size_t s = 0; s < samples_.size(); ++s) {
-    const double error = root_mean_square(models_[s].estimate(diffraction, rays, orders));
-    squares += static_cast<double>(samples_[s].stands_for) * error * error;
-  }
-  return std::sqrt(squares / static_cast<double>(request_.wavelength_m.size()));
+  return mean_of(tried(diffraction, rays, orders));
 }
 
 } // namespace scatter::phase

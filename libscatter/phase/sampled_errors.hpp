@@ -1,9 +1,13 @@
 #pragma once
 
 #include <scatter/phase/accuracy.hpp>
+#include <scatter/phase/sphere_trial.hpp>
 
 #include <complex>
+#include <map>
+#include <optional>
 #include <span>
+#include <tuple>
 #include <vector>
 
 namespace scatter::phase {
@@ -16,14 +20,16 @@ public:
   /// index: one per wavelength of the request.
   SampledErrors(Request request, std::span<const std::complex<double>> index);
 
-  /// Makes orders 0..last_order known; estimates of higher ones would do it, too, and all again.
-  void provide(int last_order);
+  /// Over all angles and wavelengths of the request, by ErrorModel: fast when many settings are compared.
+  /// Makes the model of the orders up to `highest` if there is none of as many yet.
+  [[nodiscard]] double guess(Diffraction diffraction, int rays, std::span<const int> orders, int highest);
 
-  /// [theta], of the sampled wavelength nearest to this one.
+  /// What tables carry: [theta], by SphereTrial at the sampled wavelength nearest to this one; 1 at least
+  /// where the sun's disc holds a pole, over which its average does not go. Throws compute::DeviceError.
   [[nodiscard]] std::vector<double>
   estimate(double wavelength_m, Diffraction diffraction, int rays, std::span<const int> orders);
 
-  /// Over all angles and wavelengths of the request.
+  /// The same over all angles and wavelengths of the request.
   [[nodiscard]] double mean(Diffraction diffraction, int rays, std::span<const int> orders);
 
   /// Wall time that computing them has taken so far.
@@ -35,12 +41,19 @@ private:
     std::complex<double> index;
     std::size_t stands_for = 0; ///< wavelengths of the request that are nearest to this one
   };
+  using Settings = std::tuple<Diffraction, int, std::vector<int>>;
+  using Errors = std::vector<std::vector<double>>; ///< [sample][theta]
   [[nodiscard]] std::size_t nearest(double wavelength_m) const;
+  [[nodiscard]] const Errors& tried(Diffraction diffraction, int rays, std::span<const int> orders);
+  /// Over all angles, and samples by the wavelengths that they stand for.
+  [[nodiscard]] double mean_of(const Errors& errors) const;
 
   Request request_;
   std::vector<Sample> samples_;
   std::vector<ErrorModel> models_; ///< one per sample, or none yet
-  int provided_ = -1;
+  int highest_modelled_ = -1;
+  std::optional<SphereTrial> trial_;
+  std::map<Settings, Errors> tried_;
   double seconds_ = 0;
 };
 
