@@ -1,10 +1,6 @@
-#include <scatter/exact/mie.hpp>
 #include <scatter/optics/data_table.hpp>
-#include <scatter/optics/fresnel.hpp>
 #include <scatter/optics/units.hpp>
 #include <scatter/phase/accuracy.hpp>
-#include <scatter/phase/methods.hpp>
-#include <scatter/wavefront/layout.hpp>
 
 #include <embedded/accuracy_integral.hpp>
 #include <embedded/accuracy_patches.hpp>
@@ -14,7 +10,6 @@
 #include <array>
 #include <cmath>
 #include <numeric>
-#include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -179,150 +174,6 @@ private:
   std::vector<Zone> zones_;
 };
 
-/// Q_sca of a sphere as rays have it, see wavefront::FarField.
-double efficiency_by_rays(double size_parameter, std::complex<double> index) {
-  double absorbed = 0;
-  constexpr int samples = 1024;
-  for (int i = 0; i < samples && index.imag() > 0; ++i) {
-    const double incidence = 0.5 * pi * (i + 0.5) / samples;
-    const double ring = 2 * std::sin(incidence) * std::cos(incidence) * (0.5 * pi / samples);
-    const double cos_inside = std::sqrt(1 - std::pow(std::sin(incidence) / index.real(), 2));
-    const double passes = std::exp(-4 * size_parameter * index.imag() * cos_inside);
-    const FresnelEnergy energy = fresnel_energy(index.real(), std::cos(incidence));
-    for (const double R : {energy.reflectivity_perpendicular, energy.reflectivity_parallel})
-      absorbed += ring / 2 * (1 - R) * (1 - passes) / (1 - R * passes);
-  }
-  return 2 - absorbed + 1.9923861 * std::pow(size_parameter, -2.0 / 3);
-}
-
-/// Relative error of the scattering cross section by rays, which phase functions are divided by: of this very
-/// sphere, or over a period of Mie's ripple about it where that is larger. n > 1.
-double cross_section_error(double size_parameter, std::complex<double> index) {
-  const double period = std::min(pi / (index.real() - 1), 0.5 * size_parameter);
-  constexpr int samples = 8;
-  constexpr double most_by_mie = 5e5; // larger ones are better still
-  double squares = 0, own = 0;
-  for (int i = 0; i < samples; ++i) {
-    const double x = std::min(size_parameter + (i - samples / 2.0) / samples * period, most_by_mie);
-    const double error = efficiency_by_rays(x, index) / exact::mie(x, index, {}).Qsca - 1;
-    squares += error * error;
-    if (i == samples / 2) own = std::abs(error);
-  }
-  return std::max(own, std::sqrt(squares / samples));
-}
-
-/// What is wrong about the edges of a drop that hardly bends light: measured on spheres of n = 1.005 to 1.02
-/// at 0.2 and 1 mm, orders 0..3, where rays of order 1 leave, between 0 and 2 acos(1 / n), and as far beyond
-/// as the rim leaks.
-double faint_edges_error(double size_parameter, double n, double theta_deg) {
-  const double reach = 2 * std::acos(1 / n) + 4 * std::cbrt(2 / size_parameter);
-  return theta_deg * radians_per_degree > reach ? 0 : 0.25 * std::pow(0.01 / (n - 1), 2.5);
-}
-
-/// Averages over a disc as wavefront::Tracer makes them: chords of the disc, on rows this far apart.
-class ByRows {
-public:
-  ByRows(double diameter_deg, double spacing_deg) : spacing_deg_(spacing_deg) {
-    const double step = spacing_deg / (diameter_deg / 2);
-    for (int k = 0; k * step < 1; ++k) weight_.push_back(std::sqrt(1 - k * step * k * step));
-    sum_ = 2 * std::accumulate(weight_.begin(), weight_.end(), 0.0) - weight_.front();
-  }
-  /// f of the angle in degrees.
-  template <typename F>
-  [[nodiscard]] double operator()(double theta_deg, F&& f) const {
-    double total = weight_[0] * f(theta_deg);
-    for (std::size_t k = 1; k < weight_.size(); ++k)
-      total += weight_[k] * (f(theta_deg - static_cast<double>(k) * spacing_deg_) +
-                             f(theta_deg + static_cast<double>(k) * spacing_deg_));
-    return total / sum_;
-  }
-
-private:
-  double spacing_deg_, sum_;
-  std::vector<double> weight_; ///< of the middle and one side
-};
-
-/// How much of a ripple ByRows leaves beyond what the disc does: rows may be too far apart for it.
-class RippleLeft {
-public:
-  RippleLeft(const ByRows& mean, double diameter_deg, double size_parameter) : finest_(size_parameter / 180) {
-    for (int i = 0; i <= samples; ++i) {
-      const double angle = 2 * pi * finest_ * i / samples, across = angle * diameter_deg / 2;
-      left_.push_back(
-          mean(0, [&](double theta) { return std::cos(angle * theta); }) -
-          (i == 0 ? 1 : 2 * std::cyl_bessel_j(1.0, across) / across));
-    }
-  }
-  /// Of two rays that meet with these momenta, sines of their angles of incidence.
-  [[nodiscard]] double operator()(double first, double second) const {
-    return left_[std::lround(std::min(std::abs(first - second) / 2, 1.0) * samples)];
-  }
-
-private:
-  static constexpr int samples = 2000;
-  double finest_; ///< ripple of opposite rays of the rim, cycles per degree
-  std::vector<double> left_;
-};
-
-/// The rays of one order of a sphere.
-class Momenta {
-public:
-  Momenta(int order, double n) {
-    constexpr int samples = 500;
-    for (int i = 0; i <= samples; ++i) {
-      const double sine = std::sin(0.5 * pi * i / samples);
-      const double wrapped = std::remainder(
-          (order - 1) * pi + 2 * std::asin(sine) - 2 * order * std::asin(std::min(sine / n, 1.0)), 2 * pi);
-      theta_.push_back(std::abs(wrapped));
-      momentum_.push_back(std::copysign(sine, wrapped));
-    }
-  }
-  /// Of the rays that leave at theta, or of the one that leaves nearest.
-  [[nodiscard]] std::vector<double> at(double theta) const {
-    std::vector<double> found;
-    std::size_t nearest = 0;
-    for (std::size_t i = 0; i < theta_.size(); ++i) {
-      if (i > 0 && (theta_[i - 1] < theta) != (theta_[i] < theta)) found.push_back(momentum_[i]);
-      if (std::abs(theta_[i] - theta) < std::abs(theta_[nearest] - theta)) nearest = i;
-    }
-    if (found.empty()) found.push_back(momentum_[nearest]);
-    return found;
-  }
-
-private:
-  std::vector<double> theta_, momentum_; ///< negative: the ray passed below the axis of the light
-};
-
-/// What rows too far apart leave of the ripple between rays of a sphere, per angle; share: of the light,
-/// [order][theta].
-std::vector<double> ripple_errors(
-    const RippleLeft& left, double n, std::span<const double> theta_deg,
-    std::span<const std::vector<double>> share) {
-  std::vector<Momenta> momenta;
-  for (std::size_t p = 0; p < share.size(); ++p) momenta.emplace_back(static_cast<int>(p), n);
-  struct Ray {
-    double momentum, share;
-  };
-  std::vector<Ray> rays;
-  std::vector<double> errors;
-  for (std::size_t t = 0; t < theta_deg.size(); ++t) {
-    constexpr double faint = 1e-4;
-    rays.clear();
-    for (std::size_t p = 0; p < share.size(); ++p) {
-      if (share[p][t] < faint) continue;
-      const std::vector<double> found = momenta[p].at(theta_deg[t] * radians_per_degree);
-      for (const double momentum : found)
-        rays.push_back({momentum, share[p][t] / static_cast<double>(found.size())});
-    }
-    double squares = 0;
-    for (std::size_t i = 0; i < rays.size(); ++i)
-      for (std::size_t j = 0; j < i; ++j)
-        squares += 2 * rays[i].share * rays[j].share * std::pow(left(rays[i].momentum, rays[j].momentum), 2);
-    errors.push_back(std::sqrt(squares));
-  }
-  return errors;
-}
-
 /// In the second region of tables/accuracy/patches.csv, where forward diffraction is faint.
 constexpr double beside_peak_deg = 16;
 
@@ -340,20 +191,19 @@ double forward_amplitude(double size_parameter, double theta_deg) {
   return size_parameter * J1 / z;
 }
 
-/// Errors about the forward peak, per angle: of averaging it over the sun along theta alone, or of leaving it
-/// out. background: other light, |S|^2 over x^2; its phase is not known, an eighth of a turn stands for all.
-std::vector<double> forward_errors(
-    double size_parameter, std::span<const double> theta_deg, std::span<const double> background,
-    double diameter_deg, const ByRows* by_rows) {
+/// What leaving the forward peak out costs, per angle. background: other light, |S|^2 over x^2; its phase is
+/// not known, an eighth of a turn stands for all.
+std::vector<double> errors_without_peak(
+    double size_parameter, std::span<const double> theta_deg, std::span<const double> background) {
   // Rings come and go within the disc: the mean square of some places.
   constexpr int reach = 2, places_each = 2 * reach + 1;
   std::vector<double> places, amplitude, intensity, errors;
   for (const double theta : theta_deg)
-    for (int i = -reach; i <= reach; ++i) places.push_back(std::max(theta + i * diameter_deg / 16, 0.0));
-  const exact::SunDisc disc(places, diameter_deg, exact::SunDisc::level_for(size_parameter));
-  const auto S = [&](double at) { return forward_amplitude(size_parameter, at); };
+    for (int i = -reach; i <= reach; ++i)
+      places.push_back(std::max(theta + i * exact::sun_diameter_deg / 16, 0.0));
+  const exact::SunDisc disc(places, exact::sun_diameter_deg, exact::SunDisc::level_for(size_parameter));
   for (const double at : disc.grid_deg()) {
-    amplitude.push_back(S(at));
+    amplitude.push_back(forward_amplitude(size_parameter, at));
     intensity.push_back(amplitude.back() * amplitude.back());
   }
   for (std::size_t t = 0; t < theta_deg.size(); ++t) {
@@ -361,9 +211,7 @@ std::vector<double> forward_errors(
     double squares = 0;
     for (std::size_t i = t * places_each; i < (t + 1) * places_each; ++i) {
       const double truth = disc.mean(i, intensity) + beat * disc.mean(i, amplitude) + background[t];
-      const double found =
-          by_rows ? (*by_rows)(places[i], [&](double at) { return S(at) * (S(at) + beat); }) : 0;
-      squares += std::pow((found + background[t]) / truth - 1, 2);
+      squares += std::pow(background[t] / truth - 1, 2);
     }
     errors.push_back(std::sqrt(squares / places_each));
   }
@@ -380,26 +228,11 @@ ErrorModel::ErrorModel(
           size_parameter_, index, request.theta_deg, std::max(last_order, table_orders.back()),
           bow_shift_deg(request.shape), request.threads) {
   in_tables_ = truncation_.error(table_orders);
-  const double n = index.real(), cross_section = cross_section_error(size_parameter_, index);
-  for (const double theta : theta_deg_)
-    common_.push_back(std::hypot(cross_section, faint_edges_error(size_parameter_, n, theta)));
   for (int p = 0; p <= last_order; ++p) by_patches_.push_back(truncation_.share(p));
-  disc_.assign(theta_deg_.size(), 0.0);
-  std::optional<ByRows> by_rows;
-  if (request.sun_disc_deg > 0) {
-    wavefront::Wanted wanted = wanted_of(request);
-    wanted.filter_sigma_deg = 0; // rows are as near to each other at least
-    const bool axisymmetric = request.shape.is_sphere() || request.sun_elevation_deg == 90;
-    by_rows.emplace(
-        request.sun_disc_deg,
-        wavefront::make_layout(wanted, tracing_of(request), axisymmetric, last_order).spacing_deg);
-    disc_ = ripple_errors(
-        RippleLeft(*by_rows, request.sun_disc_deg, size_parameter_), n, theta_deg_, by_patches_);
-  }
   // Flat drops leave more to the patches.
   const bool flat = bow_shift_deg(request.shape) > 0.01;
   for (int p = 0; p <= last_order; ++p) {
-    const KeptByPatches kept(p, n, size_parameter_, flat ? 8 : 30, flat ? 12 : 40);
+    const KeptByPatches kept(p, index.real(), size_parameter_, flat ? 8 : 30, flat ? 12 : 40);
     for (std::size_t t = 0; t < theta_deg_.size(); ++t) by_patches_[p][t] *= kept(theta_deg_[t]);
   }
 
@@ -410,19 +243,10 @@ ErrorModel::ErrorModel(
     std::vector<double> background = truncation_.share(1);
     const std::vector<double> whole = truncation_.whole();
     for (std::size_t t = 0; t < near; ++t) background[t] *= whole[t];
-    const auto theta = std::span(theta_deg_).first(near);
     std::ranges::copy(
-        forward_errors(size_parameter_, theta, background, exact::sun_diameter_deg, nullptr),
+        errors_without_peak(size_parameter_, std::span(theta_deg_).first(near), background),
         no_peak_.begin());
-    if (by_rows) {
-      const auto errors = forward_errors(size_parameter_, theta, background, request.sun_disc_deg, &*by_rows);
-      for (std::size_t t = 0; t < near; ++t) disc_[t] = std::hypot(disc_[t], errors[t]);
-    }
   }
-  // The average over the disc goes along theta alone, and has no rows beyond a pole.
-  for (std::size_t t = 0; t < theta_deg_.size(); ++t)
-    if (std::min(theta_deg_[t], 180 - theta_deg_[t]) < request.sun_disc_deg)
-      disc_[t] = std::max(disc_[t], 1.0);
 }
 
 std::vector<double>
@@ -453,8 +277,7 @@ ErrorModel::estimate(Diffraction diffraction, int rays, std::span<const int> ord
       if (diffraction == Diffraction::gaussian && orders.back() > last_filtered_order)
         own = std::max({own, 1.0, wide_filter_error(radius_m_)});
     }
-    const double parts[] = {own, errors[t], patches * grid, common_[t], disc_[t]};
-    errors[t] = std::sqrt(std::inner_product(std::begin(parts), std::end(parts), std::begin(parts), 0.0));
+    errors[t] = std::hypot(own, errors[t], patches * grid);
   }
   return errors;
 }

@@ -29,14 +29,10 @@ namespace scatter::phase {
 ///   angle and radius (tables/accuracy, from `scatter validate`); without the integral also the forward peak,
 ///   which is then absent;
 /// - what the spacing of rays costs where patches carry light: with the integral, away from bows and grazing
-///   rays;
-/// - what the scattering cross section by rays, which the phase function is divided by, is off from
-///   Lorenz-Mie's of that sphere, and what a drop that hardly bends light (n below 1.02) does to its edges;
-/// - with a sun's disc, what its average along theta alone, on rows that may be too far apart for the ripple,
-///   makes of the light of that sphere; 1 at least nearer to 0 and 180 deg than its diameter.
+///   rays.
 ///
-/// On spheres its rms over a region is 0.5 to 10 times the true error in nine of ten regions
-/// (`scatter validate --case estimate`); drops that absorb are better than it says.
+/// What is the same for all settings is left out: the cross section by rays, edges of drops that hardly bend
+/// light, the average over the disc. It overestimates errors of drops that absorb, whose bows are faint.
 class ErrorModel {
 public:
   /// last_order: the highest that estimate() may be asked about.
@@ -55,8 +51,6 @@ private:
   Truncation truncation_;
   std::vector<double> in_tables_;               ///< error of table_orders
   std::vector<std::vector<double>> by_patches_; ///< [order]: share of the light, with the integral
-  std::vector<double> common_;                  ///< of the cross section and of faint edges
-  std::vector<double> disc_;                    ///< of averaging over the sun
   std::vector<double> no_peak_;                 ///< of leaving forward diffraction out
 };
 

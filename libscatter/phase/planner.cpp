@@ -233,7 +233,7 @@ Choice choose_settings(const Request& request, SampledErrors& errors) {
       double& off = trial_over_guess.try_emplace(found->request.diffraction, 1.0).first->second;
       if (guess * off > request.tolerance) continue;
       if (is_good(*found)) break;
-      off = std::max(1.0, 0.8 * found->expected.error / guess);
+      off = std::max(1.0, found->expected.error / guess);
     }
     if (found == all.end())
       if (const auto best = most_accurate(all); !best->tried && is_good(*best)) found = best;
