@@ -217,7 +217,7 @@ const char* option_of_patches(const Request& request) {
 }
 
 /// Settings are tried before memory is counted, and need a device, too.
-Choice chosen(const Request& request, SampledErrors& errors) {
+Choice chosen(const Request& request, RequestErrors& errors) {
   try {
     return choose_settings(request, errors);
   } catch (const compute::DeviceError& error) {
@@ -265,7 +265,7 @@ Plan plan(const Request& request) {
   made.header = make_header(request, made.method);
   check_index(made);
   if (made.method == Method::patches)
-    made.errors = std::make_shared<SampledErrors>(request, made.header.index);
+    made.errors = std::make_shared<RequestErrors>(request, made.header.index);
   if (request.tolerance > 0 && made.method == Method::patches) {
     Choice choice = chosen(request, *made.errors);
     made.request = std::move(choice.request);

@@ -20,7 +20,7 @@ struct Plan {
   std::string reasons;        ///< with a tolerance: lines that say what was considered and why this
   /// Of patches: shared by the choice of settings, predict() and run(), whichever needs them first computes
   /// them.
-  std::shared_ptr<SampledErrors> errors;
+  std::shared_ptr<RequestErrors> errors;
 };
 
 /// Checks the request and chooses how to do it: a sphere goes to Mie unless something is asked for

@@ -47,14 +47,15 @@ std::vector<table::Amplitude> to_table(const std::vector<wavefront::Amplitude>& 
 Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progress) {
   const Request& request = plan.request;
   try {
-    // Computes the errors, if nothing has yet.
-    const double claimed = plan.errors->mean(request.diffraction, request.rays, request.orders);
+    const std::vector<std::vector<double>> errors =
+        plan.errors->all(request.diffraction, request.rays, request.orders);
     const auto start = std::chrono::steady_clock::now();
     const compute::Device device(request.threads);
     wavefront::Tracer tracer(tracing_of(request), device);
     std::vector<wavefront::Light> lights;
     for (std::size_t w = 0; w < request.wavelength_m.size(); ++w)
       lights.push_back({request.wavelength_m[w], plan.header.index[w]});
+    ErrorSum sum;
     sink.begin(plan.header);
     tracer.far_field(lights, wanted_of(request), [&](std::size_t w, wavefront::FarField& field) {
       table::Slab slab;
@@ -65,8 +66,8 @@ Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progres
       slab.order_energy = field.order_energy;
       slab.scattering_cross_section = field.scattering_cross_section;
       slab.extinction_cross_section = field.extinction_cross_section;
-      slab.error_estimate =
-          plan.errors->estimate(request.wavelength_m[w], request.diffraction, request.rays, request.orders);
+      slab.error_estimate = errors[w];
+      sum.add(errors[w]);
       sink.write(w, slab);
       // The big arrays go back, to be filled again without touching new memory.
       slab.phase_function.swap(field.phase_function);
@@ -76,7 +77,7 @@ Outcome run_patches(const Plan& plan, table::Sink& sink, const Progress& progres
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     const double judging_seconds = plan.errors->seconds();
     sink.finish(seconds + judging_seconds);
-    return {claimed, seconds, judging_seconds};
+    return {sum.root_mean_square(), seconds, judging_seconds};
   } catch (const compute::DeviceError& error) {
     throw RunError(error.what());
   }

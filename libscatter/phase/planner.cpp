@@ -135,9 +135,9 @@ Prediction time_of(const Request& request) {
 
 } // namespace
 
-Prediction predict(const Request& request, SampledErrors& errors) {
+Prediction predict(const Request& request, RequestErrors& errors) {
   Prediction made = time_of(request);
-  made.error = errors.mean(request.diffraction, request.rays, request.orders);
+  made.error = errors.sampled(request.diffraction, request.rays, request.orders);
   made.judging_seconds = errors.seconds();
   return made;
 }
@@ -151,7 +151,7 @@ struct Candidate {
 };
 
 /// All open settings with orders up to the highest, cheapest first.
-std::vector<Candidate> candidates(const Request& request, SampledErrors& errors, int highest) {
+std::vector<Candidate> candidates(const Request& request, RequestErrors& errors, int highest) {
   if (!request.open.orders) highest = request.orders.back();
   std::vector<Diffraction> filters{request.diffraction};
   if (request.open.diffraction) {
@@ -215,7 +215,7 @@ most_accurate(std::vector<Candidate>& all, std::optional<Diffraction> filter = {
 
 } // namespace
 
-Choice choose_settings(const Request& request, SampledErrors& errors) {
+Choice choose_settings(const Request& request, RequestErrors& errors) {
   std::vector<Candidate> all;
   auto found = all.end();
   const auto is_good = [&](Candidate& c) {

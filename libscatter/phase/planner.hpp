@@ -1,6 +1,6 @@
 #pragma once
 
-#include <scatter/phase/sampled_errors.hpp>
+#include <scatter/phase/request_errors.hpp>
 
 #include <string>
 
@@ -15,11 +15,11 @@ struct Prediction {
   double judging_seconds = 0;  ///< wall time that the errors took: measured, not predicted
 };
 
-/// Predicts a request for rays from its settings as they stand. The error is what SampledErrors finds by
+/// Predicts a request for rays from its settings as they stand. The error is what RequestErrors finds by
 /// trial. The time is a count of rays, patches, directions and windows times what each took
 /// where it was measured (two cores at 2.5 GHz with AVX-512): a guide within a factor of 3 there (8 below 0.1
 /// s); kernels that the driver has not compiled yet take 10 to 30 s more.
-[[nodiscard]] Prediction predict(const Request& request, SampledErrors& errors);
+[[nodiscard]] Prediction predict(const Request& request, RequestErrors& errors);
 
 /// Whether the diffraction integral serves drops this small: order 0 needs a size parameter of
 /// wavefront::smallest_size_with_shadow.
@@ -35,6 +35,6 @@ struct Choice {
 /// For a drop that needs rays: the cheapest of filters, orders 0..last and numbers of rays whose error,
 /// guessed and then tried, is within request.tolerance. Throws InputError with the best that is possible when
 /// none is, saying how it is reached.
-[[nodiscard]] Choice choose_settings(const Request& request, SampledErrors& errors);
+[[nodiscard]] Choice choose_settings(const Request& request, RequestErrors& errors);
 
 } // namespace scatter::phase

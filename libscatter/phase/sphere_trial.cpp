@@ -54,7 +54,7 @@ std::vector<double> multiples(double spacing, double low, double high) {
 
 SphereTrial::SphereTrial(const Request& request, std::span<const wavefront::Light> lights)
     : trial_(request), theta_deg_(request.theta_deg), fewer_rays_(1), pole_deg_(request.sun_disc_deg),
-      shift_deg_(bow_shift_deg(request.shape)), lights_(lights.begin(), lights.end()) {
+      shift_deg_(bow_shift_deg(request.shape)), lights_(lights.begin(), lights.end()), truth_(lights.size()) {
   const auto shortest = std::ranges::min_element(lights_, {}, &wavefront::Light::wavelength_m);
   size_parameter_ = 2 * pi * request.shape.radius_m / shortest->wavelength_m;
   trial_.shape = sphere_like(request.shape);
@@ -87,35 +87,39 @@ SphereTrial::SphereTrial(const Request& request, std::span<const wavefront::Ligh
   if (centre_at_.empty()) trial_.theta_deg = exact_disc_->grid_deg();
 }
 
-std::vector<double> SphereTrial::truth(const wavefront::Light& light) const {
-  const double x = 2 * pi * trial_.shape.radius_m / light.wavelength_m;
-  const exact::MieResult mie = exact::mie_at_degrees(x, light.index, exact_disc_->grid_deg(), trial_.threads);
-  std::vector<double> sharp, means;
+const std::vector<double>& SphereTrial::truth(std::size_t light) {
+  std::vector<double>& means = truth_[light];
+  if (!means.empty()) return means;
+  const double x = 2 * pi * trial_.shape.radius_m / lights_[light].wavelength_m;
+  const exact::MieResult mie =
+      exact::mie_at_degrees(x, lights_[light].index, exact_disc_->grid_deg(), trial_.threads);
+  std::vector<double> sharp;
   for (std::size_t i = 0; i < mie.S1.size(); ++i)
     sharp.push_back((std::norm(mie.S1[i]) + std::norm(mie.S2[i])) / (2 * x * x * mie.Qsca * pi));
   for (std::size_t c = 0; c < centres_deg_.size(); ++c) means.push_back(exact_disc_->mean(c, sharp));
   return means;
 }
 
-std::vector<std::vector<double>>
-SphereTrial::errors(Diffraction diffraction, int rays, std::span<const int> orders) {
-  if (truth_.empty())
-    for (const wavefront::Light& light : lights_) truth_.push_back(truth(light));
+std::vector<std::vector<double>> SphereTrial::errors(
+    std::span<const std::size_t> which, Diffraction diffraction, int rays, std::span<const int> orders) {
   trial_.diffraction = diffraction;
   trial_.rays = std::max(2, static_cast<int>(std::lround(rays * fewer_rays_)));
   trial_.orders.assign(orders.begin(), orders.end());
-  std::vector<std::vector<double>> all(lights_.size());
+  std::vector<wavefront::Light> lights;
+  for (const std::size_t w : which) lights.push_back(lights_[w]);
+  std::vector<std::vector<double>> all(which.size());
   const compute::Device device(trial_.threads);
   wavefront::Tracer(tracing_of(trial_), device)
-      .far_field(lights_, wanted_of(trial_), [&](std::size_t w, wavefront::FarField& field) {
+      .far_field(lights, wanted_of(trial_), [&](std::size_t i, wavefront::FarField& field) {
+        const std::vector<double>& exact = truth(which[i]);
         std::vector<double> errors;
         for (std::size_t c = 0; c < centres_deg_.size(); ++c) {
           const double mean = centre_at_.empty() ? exact_disc_->mean(c, field.phase_function)
                                                  : field.phase_function[centre_at_[c]];
-          errors.push_back(mean / truth_[w][c] - 1);
+          errors.push_back(mean / exact[c] - 1);
         }
-        const double x = 2 * pi * trial_.shape.radius_m / lights_[w].wavelength_m;
-        all[w] = about_angles(errors, half_window_deg(x));
+        const double x = 2 * pi * trial_.shape.radius_m / lights[i].wavelength_m;
+        all[i] = about_angles(errors, half_window_deg(x));
       });
   return all;
 }

@@ -18,15 +18,16 @@ public:
   /// Angles, drop and sun's disc (the mean sun's, if there is none) are the request's.
   SphereTrial(const Request& request, std::span<const wavefront::Light> lights);
 
-  /// Relative errors of the intensity averaged over the sun's disc, [light][theta]: root of the mean square
-  /// about each angle, 0.5 deg to both sides or half a fringe of the rim's rays if that is more; on deformed
-  /// drops the worst of these as far as bows may be shifted. 1e-9 at least. Throws compute::DeviceError.
+  /// Relative errors of the intensity averaged over the sun's disc at some of the lights, [which][theta]:
+  /// root of the mean square about each angle, 0.5 deg to both sides or half a fringe of the rim's rays if
+  /// that is more; on deformed drops the worst of these as far as bows may be shifted. 1e-9 at least. Throws
+  /// compute::DeviceError.
   [[nodiscard]] std::vector<std::vector<double>>
-  errors(Diffraction diffraction, int rays, std::span<const int> orders);
+  errors(std::span<const std::size_t> which, Diffraction diffraction, int rays, std::span<const int> orders);
 
 private:
   /// Averages at centres_deg_ as exact theory has them.
-  [[nodiscard]] std::vector<double> truth(const wavefront::Light& light) const;
+  [[nodiscard]] const std::vector<double>& truth(std::size_t light);
   /// About theta_deg_, of relative errors at centres_deg_.
   [[nodiscard]] std::vector<double>
   about_angles(std::span<const double> errors, double half_window_deg) const;
@@ -42,7 +43,7 @@ private:
       centre_at_; ///< places in what is traced; none: it is sharp, and exact_disc_ averages
   std::optional<exact::SunDisc> exact_disc_;
   std::vector<wavefront::Light> lights_;
-  std::vector<std::vector<double>> truth_; ///< [light][centre], or nothing yet
+  std::vector<std::vector<double>> truth_; ///< [light][centre]; empty: not yet known
 };
 
 } // namespace scatter::phase

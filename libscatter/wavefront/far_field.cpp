@@ -469,11 +469,15 @@ struct Tracer::Implementation : RayProgram {
     for (int p = 1; p <= last_order(); ++p) {
       if (order_wanted[p] == 0) continue;
       const auto zone = [&](const IntegralZone& wide) {
-        return integral_share(*pass.coarse, light, tracing.shape.radius_m, p, run.layout, block, wide);
+        const double by = run.wanted.sampling.zone;
+        return integral_share(
+            *pass.coarse, light, tracing.shape.radius_m, p, run.layout, block,
+            {by * wide.inner, by * wide.outer, wide.grazing});
       };
-      if (!run.wanted.integral_by_windows)
+      if (!run.wanted.sampling.by_windows)
         if (const IntegralShare wanted = zone(line_zone); !wanted.empty())
-          pass.lines[p].emplace(*this, *pass.coarse, light, p, run.layout, block, wanted);
+          pass.lines[p].emplace(
+              *this, *pass.coarse, light, p, run.layout, block, wanted, run.wanted.sampling);
       pass.by_windows[p] = pass.shares[p] = zone(window_zone);
       if (pass.lines[p]) {
         // Windows keep what lines do not serve.
@@ -509,7 +513,7 @@ struct Tracer::Implementation : RayProgram {
         pass.lines[p].reset();
         add_integral(
             *this, *pass.coarse, batch[w], p, pass.by_windows[p], run.layout, block, directions,
-            pass.sums[0]);
+            run.wanted.sampling, pass.sums[0]);
       }
   }
 

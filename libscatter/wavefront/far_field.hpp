@@ -43,6 +43,16 @@ struct Light {
   std::complex<double> index; ///< of the drop; rays bend by the real part, fields by all of it
 };
 
+/// How the diffraction integral is made: results do not depend on it but for their error, which `scatter
+/// validate --case drops` finds by varying it. Factors are of what is used otherwise.
+struct IntegralSampling {
+  double rays = 1;   ///< per angle of incidence and azimuth
+  double tapers = 1; ///< widths of tapers
+  double zone = 1;   ///< reach around caustics, beyond which patches carry the light
+  /// Over windows of directions everywhere, also where lines of constant azimuth are enough: slower.
+  bool by_windows = false;
+};
+
 /// Where the field is wanted and what of it.
 struct Wanted {
   std::vector<double> theta_deg; ///< increasing, in [0, 180]
@@ -55,9 +65,7 @@ struct Wanted {
   /// The diffraction integral near caustics; order 0 in closed form, with forward diffraction by the shadow.
   /// Needs interference and exact focal lines.
   bool integral = false;
-  /// The integral over windows of directions everywhere, also where one along lines of constant azimuth is
-  /// enough: slower, for comparisons.
-  bool integral_by_windows = false;
+  IntegralSampling sampling;
   double sun_disc_deg = 0; ///< angular diameter of a uniform disc that intensities are averaged over; 0: none
 };
 

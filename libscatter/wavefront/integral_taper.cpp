@@ -22,7 +22,9 @@ double fresnel_width(int order, double ka) {
 }
 
 Taper theta_taper(
-    int order, double ka, double half, std::span<const RimAngles> rim, std::array<double, 2> room) {
+    int order, double ka, double half, std::span<const RimAngles> rim, std::array<double, 2> room,
+    double wider) {
+  const double begin = wider * taper_begin, finish = wider * taper_end;
   const double fresnel = fresnel_width(order, ka);
   // Fresnel's width at an angle from the rim's direction: there directions turn fast.
   const auto rim_fresnel = [&](double angle) {
@@ -40,20 +42,20 @@ Taper theta_taper(
   Taper taper;
   for (int end = 0; end < 2; ++end) {
     const double sign = end == 0 ? -1 : 1;
-    double full = taper_begin * fresnel, none = taper_end * fresnel, rim_ahead = -1;
+    double full = begin * fresnel, none = finish * fresnel, rim_ahead = -1;
     // A taper ends well before the rim or begins behind it, where directions have turned back with a kink;
     // and it takes many of its widths where it falls on the rim's own rays.
     for (const auto& [last, before] : rim) {
       const double ahead = sign * last - half;
       if (sign * before > sign * last) {
         if (ahead > none) continue;
-        full = std::max(full, reach_along_rim(taper_begin, ahead));
-        none = std::max(none, reach_along_rim(taper_end, ahead));
+        full = std::max(full, reach_along_rim(begin, ahead));
+        none = std::max(none, reach_along_rim(finish, ahead));
       } else if (ahead > -behind_rim) {
         const double width = rim_fresnel(ahead);
-        if (taper_end * width + behind_rim < ahead) {
-          full = std::max(full, taper_begin * width);
-          none = std::max(none, taper_end * width);
+        if (finish * width + behind_rim < ahead) {
+          full = std::max(full, begin * width);
+          none = std::max(none, finish * width);
         } else {
           rim_ahead = std::max(rim_ahead, ahead + behind_rim);
         }
@@ -61,7 +63,7 @@ Taper theta_taper(
     }
     if (rim_ahead > full) {
       full = rim_ahead;
-      none = std::max(none, full + (taper_end - taper_begin) * fresnel);
+      none = std::max(none, full + (finish - begin) * fresnel);
     }
     full = std::min(half + full, 1.2);
     none = std::min(half + none, 1.5);

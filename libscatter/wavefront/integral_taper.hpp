@@ -44,10 +44,11 @@ struct RimAngles {
 /// fast.
 constexpr std::array<double, 2> between_poles = {0.07, pi - 0.07};
 
-/// The taper of scattering angles within `half` of theta (radians). It ends well before the rim's direction,
-/// where directions turn fast, or behind it, and within `room`, angles from the
+/// The taper of scattering angles within `half` of theta (radians), by so much wider than usual. It ends well
+/// before the rim's direction, where directions turn fast, or behind it, and within `room`, angles from the
 /// middle downward and upward.
-[[nodiscard]] Taper
-theta_taper(int order, double ka, double half, std::span<const RimAngles> rim, std::array<double, 2> room);
+[[nodiscard]] Taper theta_taper(
+    int order, double ka, double half, std::span<const RimAngles> rim, std::array<double, 2> room,
+    double wider);
 
 } // namespace scatter::wavefront

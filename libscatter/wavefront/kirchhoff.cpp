@@ -197,7 +197,7 @@ struct CubicFit {
 WindowPlan plan_window(
     const CoarseRays& coarse, std::span<const RimBend> bends, int order, double ka,
     std::vector<Target> targets, const Layout& layout, Columns columns, const Vector& centre,
-    int outline_terms) {
+    int outline_terms, const IntegralSampling& sampling) {
   WindowPlan made;
   made.targets = std::move(targets);
   Window& w = made.window;
@@ -225,15 +225,17 @@ WindowPlan plan_window(
     const CoarseRays::Node& before = coarse.node(order, CoarseRays::alphas - 1, j);
     if (order == 0 || !last.goes_out() || !before.goes_out()) continue;
     const Momentum at_rim = momentum(w, last);
-    if (std::abs(at_rim.rho[0]) <= half[0] + taper_end * fresnel)
+    if (std::abs(at_rim.rho[0]) <= half[0] + taper_end * sampling.tapers * fresnel)
       rim.push_back({at_rim.rho[1], momentum(w, before).rho[1]});
   }
   const bool is_faint = order > 3;
-  const double full = std::min(half[0] + (is_faint ? faint_taper_begin : taper_begin) * fresnel, 1.2),
-               none = std::min(half[0] + (is_faint ? faint_taper_end : taper_end) * fresnel, 1.5);
+  const double across = sampling.tapers * fresnel;
+  const double full = std::min(half[0] + (is_faint ? faint_taper_begin : taper_begin) * across, 1.2),
+               none = std::min(half[0] + (is_faint ? faint_taper_end : taper_end) * across, 1.5);
   w.taper[0] = {{-full, full}, {-none, none}};
   const double theta = w.latitude + 0.5 * pi;
-  w.taper[1] = theta_taper(order, ka, half[1], rim, {theta - between_poles[0], between_poles[1] - theta});
+  w.taper[1] = theta_taper(
+      order, ka, half[1], rim, {theta - between_poles[0], between_poles[1] - theta}, sampling.tapers);
   CubicFit fit;
   for (const RimBend& at : bends) {
     const double apart = std::atan2(centre[1], centre[0]) - at.azimuth;
@@ -369,15 +371,15 @@ WindowPlan plan_window(
   // their derivatives have no bound, but their weight vanishes.
   const auto rays_for = [&](double step, double cell) {
     const double bounded = std::min(step, steepest_momentum * cell * (spread[0] + spread[1]));
-    return std::max(2, static_cast<int>(std::ceil(ka * bounded / (pi * phase_step))));
+    return std::max(2, static_cast<int>(std::ceil(sampling.rays * ka * bounded / (pi * phase_step))));
   };
   w.alphas = rays_for(step_alpha, 0.5 * pi / CoarseRays::alphas);
   w.azimuths = rays_for(step_psi, 2 * pi / CoarseRays::azimuths);
   w.alpha_step = 0.5 * pi / CoarseRays::alphas / w.alphas;
   w.psi_step = 2 * pi / CoarseRays::azimuths / w.azimuths;
   w.heights = std::max(
-      24,
-      static_cast<int>(std::ceil(ka * reach_beyond(ka) * (spread[0] + spread[1]) / (pi * 0.5 * phase_step))));
+      24, static_cast<int>(std::ceil(
+              sampling.rays * ka * reach_beyond(ka) * (spread[0] + spread[1]) / (pi * 0.5 * phase_step))));
   w.height_step = reach_beyond(ka) / w.heights;
   w.tap_shape = tap_shape;
   made.lay_grid(ka, least_slack);
@@ -387,7 +389,7 @@ WindowPlan plan_window(
 /// Directions with a share, sorted into windows: the most expensive first, so that none is left for the end.
 std::vector<WindowPlan> plan_windows(
     const CoarseRays& coarse, int order, double ka, const IntegralShare& share, const Layout& layout,
-    Columns columns, int outline_terms, std::size_t workers) {
+    Columns columns, int outline_terms, const IntegralSampling& sampling, std::size_t workers) {
   const int rows = static_cast<int>(layout.theta_deg.size());
   std::map<std::pair<int, int>, std::vector<Target>> groups;
   for (int column = 0; column < columns.count(); ++column)
@@ -414,8 +416,8 @@ std::vector<WindowPlan> plan_windows(
       }
     }
     const Vector centre = direction(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]));
-    plans[i] =
-        plan_window(coarse, bends, order, ka, std::move(windows[i]), layout, columns, centre, outline_terms);
+    plans[i] = plan_window(
+        coarse, bends, order, ka, std::move(windows[i]), layout, columns, centre, outline_terms, sampling);
   });
   std::erase_if(plans, [](const WindowPlan& plan) { return plan.cells.empty(); });
   std::ranges::stable_sort(plans, std::ranges::greater{}, [](const WindowPlan& plan) {
@@ -428,7 +430,8 @@ std::vector<WindowPlan> plan_windows(
 
 void add_integral(
     RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const IntegralShare& share,
-    const Layout& layout, Columns columns, const DirectionBuffers& directions, cl::Buffer& sums) {
+    const Layout& layout, Columns columns, const DirectionBuffers& directions,
+    const IntegralSampling& sampling, cl::Buffer& sums) {
   if (std::ranges::all_of(share, [](float value) { return value == 0; })) return;
   OpenCL& opencl = rays.cl();
   const Outline outline = outline_series(rays.tracing.shape, rays.tracing.sun_elevation_deg);
@@ -436,7 +439,7 @@ void add_integral(
   const double ka = pi * job.wave;
   const std::size_t workers = rays.device.info().compute_units;
   auto plans = plan_windows(
-      coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()), workers);
+      coarse, order, ka, share, layout, columns, static_cast<int>(outline.radius.size()), sampling, workers);
   if (plans.empty()) return;
   const std::string_view sources[] = {embedded::kernel_outline, embedded::kernel_kirchhoff};
   cl::Program& program = rays.build(light, sources, true, " -DUNIFORM -DBEYOND");

@@ -16,6 +16,7 @@ struct DirectionBuffers {
 /// run.
 void add_integral(
     RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const IntegralShare& share,
-    const Layout& layout, Columns columns, const DirectionBuffers& directions, cl::Buffer& sums);
+    const Layout& layout, Columns columns, const DirectionBuffers& directions,
+    const IntegralSampling& sampling, cl::Buffer& sums);
 
 } // namespace scatter::wavefront

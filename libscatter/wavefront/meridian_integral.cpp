@@ -35,7 +35,8 @@ constexpr double shortest_taper = 4, wall_margin = 0.01;
 /// Confines a stretch to directions that lie so far from rays of rings with several rays per azimuth that its
 /// taper ends before them. False: there are none.
 bool confine(
-    Stretch& s, std::span<const Ring> rings, double phi, int order, double ka, const Layout& layout) {
+    Stretch& s, std::span<const Ring> rings, double phi, int order, double ka, const Layout& layout,
+    double wider) {
   std::vector<double> walls;
   for (const Ring& ring : rings) {
     if (ring.state() != Ring::State::none) continue;
@@ -70,7 +71,7 @@ bool confine(
   }
   if (first >= end) return false;
   s.take_rows(first, end, layout);
-  s.lay_taper(order, ka, ends);
+  s.lay_taper(order, ka, ends, wider);
   // A taper must not end among the rim's own rays.
   return std::ranges::none_of(s.rim, [&](const RimAngles& rim) {
     const double angle = rim.last - s.middle, margin = fresnel_width(order, ka);
@@ -227,11 +228,12 @@ void StretchSum::add(
 struct MeridianIntegral::Implementation {
   Implementation(
       RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& on,
-      Columns block, const IntegralShare& wanted)
+      Columns block, const IntegralShare& wanted, const IntegralSampling& sampling)
       : layout(on), columns(block), wave(rays.make_job(light, 2, order).wave), share(wanted),
         workers(rays.device.info().compute_units),
-        all(stretches(coarse, order, pi * wave, wanted, on, block)),
-        places(ring_places(coarse, order, pi * wave, all)), program(rays, light, order, places) {
+        all(stretches(coarse, order, pi * wave, wanted, on, block, sampling.tapers)),
+        places(ring_places(coarse, order, pi * wave, all, sampling.rays)),
+        program(rays, light, order, places) {
     if (all.empty()) return;
     rings = make_rings(program, workers, pi * wave, places);
     const References references(
@@ -245,7 +247,7 @@ struct MeridianIntegral::Implementation {
       };
       const int first = s.first, end = s.end;
       const double azimuth = phi(s.column);
-      const bool served = confine(s, rings, azimuth, order, pi * wave, on);
+      const bool served = confine(s, rings, azimuth, order, pi * wave, on, sampling.tapers);
       if (served) s.reference = references.serving(azimuth, s);
       if (!s.reference) {
         leave(first, end);
@@ -372,9 +374,9 @@ void MeridianIntegral::Implementation::add(std::span<double> sums) {
 
 MeridianIntegral::MeridianIntegral(
     RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& layout,
-    Columns columns, const IntegralShare& wanted)
-    : implementation_(std::make_unique<Implementation>(rays, coarse, light, order, layout, columns, wanted)) {
-}
+    Columns columns, const IntegralShare& wanted, const IntegralSampling& sampling)
+    : implementation_(
+          std::make_unique<Implementation>(rays, coarse, light, order, layout, columns, wanted, sampling)) {}
 MeridianIntegral::~MeridianIntegral() = default;
 MeridianIntegral::MeridianIntegral(MeridianIntegral&&) noexcept = default;
 MeridianIntegral& MeridianIntegral::operator=(MeridianIntegral&&) noexcept = default;

@@ -16,7 +16,7 @@ public:
   /// momenta can be kept from folding, and traces the rays. Keeps references to rays and layout.
   MeridianIntegral(
       RayProgram& rays, const CoarseRays& coarse, const Light& light, int order, const Layout& layout,
-      Columns columns, const IntegralShare& wanted);
+      Columns columns, const IntegralShare& wanted, const IntegralSampling& sampling);
   ~MeridianIntegral();
   MeridianIntegral(MeridianIntegral&&) noexcept;
   MeridianIntegral& operator=(MeridianIntegral&&) noexcept;

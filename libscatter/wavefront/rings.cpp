@@ -81,7 +81,8 @@ constexpr std::string_view sources[] = {embedded::kernel_outline, embedded::kern
 
 } // namespace
 
-Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<const Stretch> stretches) {
+Places
+ring_places(const CoarseRays& coarse, int order, double ka, std::span<const Stretch> stretches, double more) {
   constexpr double cell = 0.5 * pi / CoarseRays::alphas;
   // Directions that some stretch takes rays from, joined to ranges.
   struct Range {
@@ -136,7 +137,8 @@ Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<con
       if (!coarse.node(order, a, j).valid) grazing = a - 1;
   places.rim_from = grazing * cell;
   places.steepest = steepest / cell * spread;
-  const int per_cell = std::max(2, static_cast<int>(std::ceil(ka * steepest * spread / (pi * phase_step))));
+  const int per_cell =
+      std::max(2, static_cast<int>(std::ceil(more * ka * steepest * spread / (pi * phase_step))));
   for (const int a : cells)
     for (int i = 0; i < per_cell; ++i) places.at.push_back((a + (i + 0.5) / per_cell) * cell);
   places.step.assign(places.at.size(), cell / per_cell);
@@ -148,7 +150,7 @@ Places ring_places(const CoarseRays& coarse, int order, double ka, std::span<con
   // Beyond the rim waves die out within some Airy widths.
   const double reach = rim_reach * std::cbrt(0.5 / (ka * ka));
   const int heights =
-      std::max(24, static_cast<int>(std::ceil(ka * reach * 2 * spread / (pi * 0.5 * phase_step))));
+      std::max(24, static_cast<int>(std::ceil(more * ka * reach * 2 * spread / (pi * 0.5 * phase_step))));
   for (int i = 0; i < heights; ++i) {
     places.at.push_back((i + 0.5) * reach / heights);
     places.step.push_back(reach / heights);

@@ -28,9 +28,9 @@ struct Places {
   double steepest = 0;
 };
 
-/// So close that stretches find the rays that they take.
+/// So close that stretches find the rays that they take, times `more`.
 [[nodiscard]] Places
-ring_places(const CoarseRays& coarse, int order, double ka, std::span<const Stretch> stretches);
+ring_places(const CoarseRays& coarse, int order, double ka, std::span<const Stretch> stretches, double more);
 
 /// A ring's fields as Fourier series of the impact azimuth.
 class Ring {

@@ -13,7 +13,7 @@ constexpr double band_deg = 12; ///< of scattering angles summed together
 
 std::vector<Stretch> stretches(
     const CoarseRays& coarse, int order, double ka, const IntegralShare& share, const Layout& layout,
-    Columns columns) {
+    Columns columns, double wider) {
   const int rows = static_cast<int>(layout.theta_deg.size());
   std::vector<Stretch> made;
   for (int column = 0; column < columns.count(); ++column) {
@@ -44,7 +44,7 @@ std::vector<Stretch> stretches(
       s.column = column;
       s.rim = rim;
       s.take_rows(first, end, layout);
-      s.lay_taper(order, ka, between_poles);
+      s.lay_taper(order, ka, between_poles, wider);
       made.push_back(std::move(s));
     }
   }

@@ -45,20 +45,21 @@ struct Stretch {
     middle = 0.5 * (low + high) * radians_per_degree;
     half = std::max(0.5 * (high - low) * radians_per_degree, 1e-4);
   }
-  /// Sets the taper, which ends within these scattering angles.
-  void lay_taper(int order, double ka, std::array<double, 2> ends) {
+  /// Sets the taper, which ends within these scattering angles; by so much wider than usual.
+  void lay_taper(int order, double ka, std::array<double, 2> ends, double wider) {
     std::vector<RimAngles> from_middle = rim;
     for (RimAngles& angles : from_middle) {
       angles.last -= middle;
       angles.before -= middle;
     }
-    taper = theta_taper(order, ka, half, from_middle, {middle - ends[0], ends[1] - middle});
+    taper = theta_taper(order, ka, half, from_middle, {middle - ends[0], ends[1] - middle}, wider);
   }
 };
 
-/// Of a block of columns wherever `share` is not 0, column by column; with tapers.
+/// Of a block of columns wherever `share` is not 0, column by column; with tapers, by so much wider than
+/// usual.
 [[nodiscard]] std::vector<Stretch> stretches(
     const CoarseRays& coarse, int order, double ka, const IntegralShare& share, const Layout& layout,
-    Columns columns);
+    Columns columns, double wider);
 
 } // namespace scatter::wavefront

@@ -111,7 +111,7 @@ TEST(DiffractionIntegral, DoesNotDependOnItsWindows) {
   Tracer tracer(tracing, device());
   const auto at = [&](bool by_windows, double first, double last, double phi_first, double phi_last) {
     Wanted wanted = integral_at(range(first, last, 0.1));
-    wanted.integral_by_windows = by_windows;
+    wanted.sampling.by_windows = by_windows;
     wanted.phi_deg = range(phi_first, phi_last, 2);
     return far_field(tracer, red, wanted);
   };
@@ -146,7 +146,7 @@ TEST(DiffractionIntegral, IsTheSameAlongLinesOfAzimuthAndOverWindows) {
     Wanted wanted = integral_at(order == 2 ? range(134, 141, 1) : range(122, 129, 1));
     wanted.phi_deg = {0, 70, 115, 180};
     const FarField lines = far_field(tracer, red, wanted);
-    wanted.integral_by_windows = true;
+    wanted.sampling.by_windows = true;
     const FarField windows = far_field(tracer, red, wanted);
     double peak = 0, worst = 0;
     for (std::size_t i = 0; i < lines.amplitude.size(); ++i) {
@@ -178,7 +178,7 @@ TEST(DiffractionIntegral, IsNearlyTheSameAlongLinesAndOverWindowsOnARaindrop) {
     Wanted wanted = integral_at(range(at.theta_deg - 2, at.theta_deg + 2, 0.1));
     wanted.phi_deg = {at.phi_deg};
     const std::vector<Amplitude> lines = far_field(tracer, red, wanted).amplitude;
-    wanted.integral_by_windows = true;
+    wanted.sampling.by_windows = true;
     const std::vector<Amplitude> windows = far_field(tracer, red, wanted).amplitude;
     double peak = 0, worst = 0;
     for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -243,7 +243,7 @@ broken_reciprocity(double radius_m, int order, double theta_deg, double phi_deg,
     tracing.sun_elevation_deg = sun / degree;
     Wanted wanted = integral_at(range(theta_deg - 2, theta_deg + 2, 0.1));
     wanted.phi_deg = {azimuth / degree};
-    wanted.integral_by_windows = by_windows;
+    wanted.sampling.by_windows = by_windows;
     return far_field(tracing, red, wanted).amplitude;
   };
   const std::vector<Amplitude> there = at(h, phi), again = at(h_back, phi_back);
