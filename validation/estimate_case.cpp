@@ -86,7 +86,11 @@ std::vector<Setting> settings_of(bool quick) {
         all.push_back({radius, integral, 8, 1000, index});
         all.push_back({radius, none, 3, 1000, index});
       }
-  // Errors are estimated at the first, the middle and the last.
+  // The largest drops that fall: ripples finer than rows.
+  if (!quick)
+    for (const double radius : {2e-3, 3e-3})
+      for (const phase::Diffraction diffraction : {none, integral})
+        all.push_back({radius, diffraction, 3, 1000, water, {400e-9}});
   const std::vector<double> colours{400e-9, 475e-9, 550e-9, 625e-9, 700e-9};
   if (!quick)
     for (const double radius : {0.05e-3, 0.4e-3})
@@ -287,8 +291,7 @@ CaseReport run_estimate(const Settings& settings, const Progress& progress) {
       "Spheres are traced as drops and held to Lorenz-Mie: the rms of the relative error of the intensity, "
       "averaged over the sun, against the rms of the table's <code>error_estimate</code> over the same "
       "angles. "
-      "Tables get the estimate from a trial of the same kind on the sphere of equal volume, at three of "
-      "their "
+      "Tables get the estimate from a trial of the same kind on the sphere of equal volume, at each of their "
       "wavelengths and about each angle; these spheres are their own. An estimate "
       "is to be no less than {} "
       "and no more than {} times the error; where it is 1 or more it claims nothing, and the upper bound "

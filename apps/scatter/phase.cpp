@@ -73,9 +73,12 @@ void compute(const PhaseJob& job) {
     std::string beside;
     if (plan.method == phase::Method::patches)
       beside = fmt::format(
-          "; the error estimate took {:.2g} s, kernels that were never compiled here take some 10 to 30 s "
+          "; the error estimate took {:.2g} s{}, kernels that were never compiled here take some 10 to 30 s "
           "more",
-          expected.judging_seconds);
+          expected.judging_seconds,
+          expected.judging_seconds_to_come > 0
+              ? fmt::format(" and takes {:.2g} s more", expected.judging_seconds_to_come)
+              : "");
     fmt::print(
         explanation, "predicted: error {:.2g} %, {:.2g} s{}\n", 100 * expected.error,
         expected.seconds + expected.starting_seconds, beside);

@@ -26,13 +26,6 @@ std::array<double, stencil> lagrange(double at) {
   return weight;
 }
 
-/// Half the arc that the cone at polar angle t has in common with the disc of radius r about polar angle c.
-double half_arc(double t, double c, double r) {
-  const double above = std::sin((r + t - c) / 2) * std::sin((r - t + c) / 2);
-  const double below = std::sin((t + c - r) / 2) * std::sin((t + c + r) / 2);
-  return 2 * std::atan2(std::sqrt(std::max(above, 0.0)), std::sqrt(std::max(below, 0.0)));
-}
-
 struct Node {
   double theta = 0, weight = 0; ///< [rad]; weights of a disc are not yet normalised
 };
@@ -130,6 +123,12 @@ Stretch stretch(double theta_deg, double diameter_deg, double step_deg, const st
 }
 
 } // namespace
+
+double half_arc(double t, double c, double r) {
+  const double above = std::sin((r + t - c) / 2) * std::sin((r - t + c) / 2);
+  const double below = std::sin((t + c - r) / 2) * std::sin((t + c + r) / 2);
+  return 2 * std::atan2(std::sqrt(std::max(above, 0.0)), std::sqrt(std::max(below, 0.0)));
+}
 
 int SunDisc::level_for(double size_parameter) {
   const double frequency = 2 * (size_parameter + 4 * std::cbrt(size_parameter) + 2);

@@ -10,6 +10,11 @@ namespace scatter::exact {
 /// Mean angular diameter of the sun seen from the Earth [deg].
 inline constexpr double sun_diameter_deg = 0.533;
 
+/// Half the arc [rad] that the cone at polar angle t has in common with the disc of radius r about polar
+/// angle c, all in radians: pi where the cone lies in the disc, 0 where they do not meet. Half-angle formula
+/// of the spherical triangle.
+[[nodiscard]] double half_arc(double t, double c, double r);
+
 /// Averages functions f(theta) of the scattering angle over uniform discs on the sphere of directions: the
 /// mean at theta is that over all directions within half the diameter of one direction at theta. This is what
 /// a sphere in sunlight scatters there. Discs that reach over 0 or 180 deg are no special case.

@@ -286,7 +286,7 @@ Prediction predict(const Plan& plan) {
       seconds += 2 * pi * request.shape.radius_m / wavelength *
                  (1e-7 + 3e-10 * static_cast<double>(request.theta_deg.size()) *
                              (request.sun_disc_deg > 0 ? 30 : 1));
-    return {1e-9, seconds, 0.05, 0};
+    return {1e-9, seconds, 0.05, 0, 0};
   }
   try {
     return predict(plan.request, *plan.errors);

@@ -139,6 +139,7 @@ Prediction predict(const Request& request, RequestErrors& errors) {
   Prediction made = time_of(request);
   made.error = errors.sampled(request.diffraction, request.rays, request.orders);
   made.judging_seconds = errors.seconds();
+  made.judging_seconds_to_come = errors.seconds_to_come();
   return made;
 }
 
@@ -216,31 +217,43 @@ most_accurate(std::vector<Candidate>& all, std::optional<Diffraction> filter = {
 } // namespace
 
 Choice choose_settings(const Request& request, RequestErrors& errors) {
+  constexpr int most_trials = 12;
   std::vector<Candidate> all;
   auto found = all.end();
+  int trials = 0;
+  // A trial corrects what was guessed of its filter. True: it is good enough.
   const auto is_good = [&](Candidate& c) {
+    const double guessed = c.expected.error;
     c.expected = predict(c.request, errors);
     c.tried = true;
+    ++trials;
+    for (Candidate& other : all)
+      if (!other.tried && other.request.diffraction == c.request.diffraction)
+        other.expected.error *= c.expected.error / guessed;
     return c.expected.error <= request.tolerance;
   };
   // Few orders first: to guess at many takes seconds.
   for (const int highest : {8, 30}) {
     all = candidates(request, errors, highest);
-    // What one trial says about a filter's guesses goes for dearer settings, too: not all are to be tried.
-    std::map<Diffraction, double> trial_over_guess;
-    for (found = all.begin(); found != all.end(); ++found) {
-      const double guess = found->expected.error;
-      double& off = trial_over_guess.try_emplace(found->request.diffraction, 1.0).first->second;
-      if (guess * off > request.tolerance) continue;
-      if (is_good(*found)) break;
-      off = std::max(1.0, found->expected.error / guess);
+    found = all.end();
+    trials = 0;
+    while (trials < most_trials) {
+      // The cheapest that may do, or else the most accurate.
+      auto next = std::find_if(all.begin(), found, [&](const Candidate& c) {
+        return !c.tried && c.expected.error <= request.tolerance;
+      });
+      if (next == found) {
+        if (found != all.end()) break;
+        next = most_accurate(all);
+        if (next->tried) break;
+      }
+      if (is_good(*next)) found = next;
     }
-    if (found == all.end())
-      if (const auto best = most_accurate(all); !best->tried && is_good(*best)) found = best;
     if (found != all.end() || !request.open.orders) break;
   }
   if (found == all.end()) {
-    const Candidate& best = *most_accurate(all);
+    const Candidate& best = *std::ranges::min_element(
+        all, {}, [](const Candidate& c) { return c.tried ? c.expected.error : 1e300; });
     throw InputError(fmt::format(
         "--tolerance: {:.3g} % is out of reach for these directions; the best is {:.2g} % with {}: ask for "
         "that{}",
@@ -253,7 +266,7 @@ Choice choose_settings(const Request& request, RequestErrors& errors) {
     text += fmt::format(
         "{:9.3g} % {:9.3g} s  {}: {}{}\n", 100 * c.expected.error,
         c.expected.seconds + c.expected.starting_seconds, settings_text(c.request), verdict,
-        c.tried ? "" : " (guessed)");
+        c.tried ? "" : " (guess)");
   };
   text += fmt::format(
       "considered for {:.3g} %: error on the sphere of equal volume (root mean square over theta) and time\n",

@@ -9,10 +9,11 @@ namespace scatter::phase {
 
 /// What a choice of settings is expected to cost.
 struct Prediction {
-  double error = 0;            ///< as Request::tolerance
-  double seconds = 0;          ///< wall time of run() with the errors at hand and the kernels compiled
-  double starting_seconds = 0; ///< what the first request of a process takes more
-  double judging_seconds = 0;  ///< wall time that the errors took: measured, not predicted
+  double error = 0;                   ///< as Request::tolerance
+  double seconds = 0;                 ///< wall time of run() with the errors at hand and the kernels compiled
+  double starting_seconds = 0;        ///< what the first request of a process takes more
+  double judging_seconds = 0;         ///< wall time that the errors took: measured, not predicted
+  double judging_seconds_to_come = 0; ///< of wavelengths that were not looked at yet
 };
 
 /// Predicts a request for rays from its settings as they stand. The error is what RequestErrors finds by

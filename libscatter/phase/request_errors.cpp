@@ -13,15 +13,16 @@ namespace {
 /// Adds its lifetime to a sum of seconds.
 class Stopwatch {
 public:
-  explicit Stopwatch(double& seconds) : seconds_(seconds) {}
+  explicit Stopwatch(double& sum) : sum_(sum) {}
   Stopwatch(const Stopwatch&) = delete;
   Stopwatch& operator=(const Stopwatch&) = delete;
-  ~Stopwatch() {
-    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  ~Stopwatch() { sum_ += seconds(); }
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   }
 
 private:
-  double& seconds_;
+  double& sum_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
@@ -67,10 +68,15 @@ const RequestErrors::Errors& RequestErrors::tried(
     for (std::size_t w = 0; w < index_.size(); ++w) lights.push_back({request_.wavelength_m[w], index_[w]});
     trial_.emplace(request_, lights);
   }
+  const double before = watch.seconds();
   std::vector<std::vector<double>> found = trial_->errors(missing, diffraction, rays, orders);
+  seconds_per_trial_ = (watch.seconds() - before) / static_cast<double>(missing.size());
+  // What averages have of other azimuths no sphere tells.
+  const bool axisymmetric = request_.shape.is_sphere() || request_.sun_elevation_deg == 90;
   for (std::size_t i = 0; i < missing.size(); ++i) {
     for (std::size_t t = 0; t < found[i].size(); ++t)
-      if (std::min(request_.theta_deg[t], 180 - request_.theta_deg[t]) < request_.sun_disc_deg)
+      if (!axisymmetric &&
+          std::min(request_.theta_deg[t], 180 - request_.theta_deg[t]) < request_.sun_disc_deg)
         found[i][t] = std::max(found[i][t], 1.0);
     errors[missing[i]] = std::move(found[i]);
   }

@@ -28,12 +28,16 @@ public:
   [[nodiscard]] double sampled(Diffraction diffraction, int rays, std::span<const int> orders);
 
   /// What tables carry: [wavelength][theta], by SphereTrial; 1 at least where the sun's disc holds a pole,
-  /// over which its average does not go. Throws compute::DeviceError.
+  /// unless the drop is axisymmetric about the light. Throws compute::DeviceError.
   [[nodiscard]] std::vector<std::vector<double>>
   all(Diffraction diffraction, int rays, std::span<const int> orders);
 
   /// Wall time that computing them has taken so far.
   [[nodiscard]] double seconds() const { return seconds_; }
+  /// What all() will take of it after sampled(), as trials of these settings have gone.
+  [[nodiscard]] double seconds_to_come() const {
+    return seconds_per_trial_ * static_cast<double>(request_.wavelength_m.size() - samples_.size());
+  }
 
 private:
   using Settings = std::tuple<Diffraction, int, std::vector<int>>;
@@ -50,7 +54,7 @@ private:
   int highest_modelled_ = -1;
   std::optional<SphereTrial> trial_;
   std::map<Settings, Errors> tried_;
-  double seconds_ = 0;
+  double seconds_ = 0, seconds_per_trial_ = 0;
 };
 
 } // namespace scatter::phase

@@ -11,7 +11,7 @@
 namespace scatter::phase {
 namespace {
 
-constexpr double largest_size = 2e4;
+constexpr double largest_size = 5e4;
 constexpr double least_half_window_deg = 0.5;
 constexpr double least_error = 1e-9;
 constexpr double centre_spacing_deg = 0.1; ///< about
@@ -38,7 +38,8 @@ double row_spacing_deg(const Request& request) {
       wavefront::make_layout(wanted_of(request), tracing_of(request), axisymmetric, request.orders.back())
           .spacing_deg;
   // Layouts halve what is wider than a sixteenth of the disc.
-  const double widest = request.sun_disc_deg / 16, spacing = std::clamp(rows, 0.004, widest);
+  const double widest = request.sun_disc_deg / 16,
+               spacing = std::clamp(rows, std::min(0.004, widest / 2), widest);
   return spacing > widest / 2 ? 2 * spacing : spacing;
 }
 
@@ -46,7 +47,7 @@ std::vector<double> multiples(double spacing, double low, double high) {
   std::vector<double> values;
   const auto first = static_cast<int>(std::floor(low / spacing)),
              last = static_cast<int>(std::floor(high / spacing));
-  for (int i = first; i <= last; ++i) values.push_back(i * spacing);
+  for (int i = first; i <= last; ++i) values.push_back(std::min(i * spacing, 180.0));
   return values;
 }
 

@@ -8,6 +8,7 @@
 #include <scatter/wavefront/layout.hpp>
 #include <scatter/wavefront/meridian_integral.hpp>
 #include <scatter/wavefront/order_energy.hpp>
+#include <scatter/wavefront/pole_average.hpp>
 #include <scatter/wavefront/ray_grid.hpp>
 #include <scatter/wavefront/ray_program.hpp>
 #include <scatter/wavefront/shadow.hpp>
@@ -406,6 +407,8 @@ struct Tracer::Implementation : RayProgram {
     Layout layout;
     Cut cut{};
     cl::Buffer row_of{}, source_column{}, theta{}, segment_first{}, segment_end{};
+    PoleAverage at_poles{};
+    cl::Buffer pole_rows{}, pole_first{}, pole_weights{};
     std::vector<Pass> passes{};                        ///< one per wavelength in flight
     cl::Buffer table{}, smooth{}, mean{}, amplitude{}; ///< [column][row][elements]
     [[nodiscard]] int rows() const { return static_cast<int>(layout.theta_deg.size()); }
@@ -593,6 +596,10 @@ struct Tracer::Implementation : RayProgram {
       over_columns(
           code, "average_disc", block, table, kept(run.mean, size), rows, elements, run.segment_first,
           run.segment_end, weights, reach);
+      if (!run.at_poles.row.empty())
+        over_columns(
+            code, "average_disc_at_poles", block, table, run.mean, rows, elements, run.pole_rows,
+            run.pole_first, static_cast<int>(run.at_poles.row.size()), run.pole_weights, run.at_poles.width);
       table = run.mean;
     }
     field.phase_function.resize(run.values());
@@ -621,6 +628,12 @@ struct Tracer::Implementation : RayProgram {
     run.theta = cl().upload(run.layout.theta_deg);
     run.segment_first = cl().upload(run.layout.segment_first);
     run.segment_end = cl().upload(run.layout.segment_end);
+    if (wanted.sun_disc_deg > 0) run.at_poles = pole_average(run.layout, wanted.sun_disc_deg);
+    if (!run.at_poles.row.empty()) {
+      run.pole_rows = cl().upload(run.at_poles.row);
+      run.pole_first = cl().upload(run.at_poles.first);
+      run.pole_weights = cl().upload(run.at_poles.weights);
+    }
     run.passes.resize(run.cut.at_once);
     std::vector<int> all(last_order() + 1, 0);
     for (const int p : tracing.orders) all[p] = 1;

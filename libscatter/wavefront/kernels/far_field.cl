@@ -248,6 +248,21 @@ kernel void average_disc(global const double* in, global double* out, int rows, 
   }
 }
 
+// The same next to 0 and 180 deg, where every row has weights of its own: those of `width` rows from its first on.
+kernel void average_disc_at_poles(global const double* in, global double* out, int rows, int elements,
+                                  global const int* pole_row, global const int* first, int count,
+                                  global const double* weights, int width) {
+  const size_t column = get_global_id(0);
+  global const double* from = in + column * rows * elements;
+  global double* to = out + column * rows * elements;
+  for (int i = 0; i < count; ++i)
+    for (int e = 0; e < elements; ++e) {
+      double sum = 0.0;
+      for (int k = 0; k < width; ++k) sum += weights[i * width + k] * from[(size_t)(first[i] + k) * elements + e];
+      to[(size_t)pole_row[i] * elements + e] = sum;
+    }
+}
+
 // From folded columns to the wanted grid: out[t - first_row][f][elements]. source_column[f] is the column, or ~column for its
 // mirror image, where elements with a set bit in odd_elements change their sign. Columns of another block are left
 // alone.
