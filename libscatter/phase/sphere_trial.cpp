@@ -34,9 +34,10 @@ drop::Shape sphere_like(const drop::Shape& shape) {
 /// Of wanted angles whose averages over the sun's disc are made of rows as far apart as the request's are.
 double row_spacing_deg(const Request& request) {
   const bool axisymmetric = request.shape.is_sphere() || request.sun_elevation_deg == 90;
+  wavefront::Wanted wanted = wanted_of(request);
+  wanted.filter_sigma_deg = 0; // other filters may be tried; this one's rows are as near at least
   const double rows =
-      wavefront::make_layout(wanted_of(request), tracing_of(request), axisymmetric, request.orders.back())
-          .spacing_deg;
+      wavefront::make_layout(wanted, tracing_of(request), axisymmetric, request.orders.back()).spacing_deg;
   // Layouts halve what is wider than a sixteenth of the disc.
   const double widest = request.sun_disc_deg / 16,
                spacing = std::clamp(rows, std::min(0.004, widest / 2), widest);
