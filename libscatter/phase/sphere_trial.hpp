@@ -12,8 +12,8 @@ namespace scatter::phase {
 
 /// How wrong settings are on a sphere, where exact theory knows: the sphere of the drop's volume is traced as
 /// the drop would be and held to Lorenz-Mie. Spheres beyond a size parameter of 50000 at
-/// the shortest wavelength are judged by smaller ones, with fewer rays and rows. Not for several threads at
-/// once.
+/// the shortest wavelength are judged by smaller ones with fewer rays, which may miss what rows too far apart
+/// make of their ripple. Not for several threads at once.
 class SphereTrial {
 public:
   /// Angles, drop and sun's disc (the mean sun's, if there is none) are the request's.

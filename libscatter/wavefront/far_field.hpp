@@ -46,8 +46,8 @@ struct Light {
 /// How the diffraction integral is made: results do not depend on it but for their error, which `scatter
 /// validate --case drops` finds by varying it. Factors are of what is used otherwise.
 struct IntegralSampling {
-  double rays =
-      1; ///< per angle of incidence; of windows also per azimuth, of which lines choose their own number
+  /// Per angle of incidence; of windows also per azimuth, of which lines choose their own number.
+  double rays = 1;
   double tapers = 1; ///< widths of tapers
   double zone = 1;   ///< reach around caustics, not rims, beyond which patches carry the light
   /// Over windows of directions everywhere, also where lines of constant azimuth are enough: slower.

@@ -241,12 +241,21 @@ TEST(SunDisc, AveragesTheForwardPeakOfASphere) {
   request.theta_deg = {0, 0.1, 0.25, 0.3, 0.5, 1, 2, 4, 10, 20};
   request.sun_disc_deg = 0.533;
   const auto found = phase::compute(request);
+  request.matrix = true;
+  const auto with_matrix = phase::compute(request);
   request.shape = drop::sphere(0.1e-3);
   request.method = Method::mie;
   const auto truth = phase::compute(request);
-  for (std::size_t t = 0; t < request.theta_deg.size(); ++t)
+  for (std::size_t t = 0; t < request.theta_deg.size(); ++t) {
+    EXPECT_NEAR(with_matrix.slabs[0].phase_function[t] / found.slabs[0].phase_function[t], 1, 1e-12);
+    for (std::size_t e = 0; e < 16; ++e)
+      EXPECT_NEAR(
+          with_matrix.slabs[0].phase_matrix[16 * t + e], truth.slabs[0].phase_matrix[16 * t + e],
+          0.015 * truth.slabs[0].phase_function[t])
+          << request.theta_deg[t] << " deg, element " << e;
     EXPECT_NEAR(found.slabs[0].phase_function[t] / truth.slabs[0].phase_function[t], 1, 0.015)
         << request.theta_deg[t];
+  }
 }
 
 TEST(Tolerance, NamesTheOptionThatBarsTheIntegral) {
